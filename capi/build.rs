@@ -1,15 +1,16 @@
-//! Names the shared library by the version of its interface.
+//! Sets the name under which programs find the shared library. On Linux it contains the version
+//! of the interface.
 
 use std::env;
 
-/// Holds the version, of which there is but this one place.
+/// The only file that states the version.
 const SOURCE: &str = "src/version.rs";
 
 fn main() {
     println!("cargo::rerun-if-changed={SOURCE}");
     let system = env::var("CARGO_CFG_TARGET_OS");
     if system.as_deref() == Ok("macos") {
-        // Else it is named after the folder that it was built in.
+        // Without this its install name would be the path of the build folder.
         println!("cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libanyface.dylib");
     }
     if system.as_deref() != Ok("linux") {
@@ -21,6 +22,6 @@ fn main() {
         .and_then(|(_, rest)| rest.split_once(';'))
         .map(|(version, _)| version)
         .expect("the version stands where it is declared");
-    // A program then looks for the interface that it was linked to, not for any.
+    // A program then loads only the interface version that it was linked to.
     println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,libanyface.so.{version}");
 }

@@ -1,4 +1,5 @@
-//! Finds the sound system that some tests need: without it those tests count as ignored, not as passed.
+//! Looks for PulseAudio, the sound system that some tests need. Without it those tests count as
+//! ignored, not as passed.
 
 use std::{env, path::PathBuf};
 
@@ -6,7 +7,7 @@ fn main() {
     println!("cargo::rerun-if-env-changed=PATH");
     println!("cargo::rustc-check-cfg=cfg(has_pulseaudio)");
     let place = find("pulseaudio");
-    // A path that is missing makes cargo look again next time.
+    // While the watched path is missing, cargo runs this script again at each build.
     let watched = place
         .clone()
         .unwrap_or_else(|| PathBuf::from("/usr/bin/pulseaudio"));

@@ -91,18 +91,19 @@
 /// Number of emotion categories; `anyface_emotion_name()` gives their names.
 #define ANYFACE_EMOTION_COUNT 15
 
-/// Number of ARKit's shapes and of Oculus' visemes in a frame of `anyface_weight_stream_pull()`.
+/// Number of ARKit's shapes in a frame of `anyface_weight_stream_pull()`.
 #define ANYFACE_LIVE_SHAPE_COUNT 52
 
+/// Number of Oculus's visemes in a frame of `anyface_weight_stream_pull()`.
 #define ANYFACE_LIVE_VISEME_COUNT 15
 
-/// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
+/// How a call ended. The codes from 3 on are also the exit codes of the `anyface` command.
 typedef enum {
-    /// It did what was asked.
+    /// The call succeeded.
     ANYFACE_STATUS_OK = 0,
     /// A pointer that must not be NULL was NULL.
     ANYFACE_STATUS_NULL_POINTER = 1,
-    /// A defect in the library, caught; the handles of the call stay valid and can be freed.
+    /// A defect in the library, which was caught. The call's handles stay valid and can be freed.
     ANYFACE_STATUS_PANIC = 2,
     /// A value outside its stated range, NaN, an unknown name, text that is not UTF-8, or an array
     /// of the wrong length.
@@ -111,9 +112,9 @@ typedef enum {
     ANYFACE_STATUS_AUDIO = 4,
     /// A mesh that cannot be read or used.
     ANYFACE_STATUS_MESH = 5,
-    /// No face was found on the mesh; the message says why and what would help.
+    /// No face was found on the mesh. The message says why and what would help.
     ANYFACE_STATUS_FACE_NOT_FOUND = 6,
-    /// Weights that are missing, truncated or do not fit their config.
+    /// Model weights that are missing or truncated, or that do not fit their config.
     ANYFACE_STATUS_WEIGHTS = 7,
     /// A file that could not be read or written.
     ANYFACE_STATUS_IO = 8,
@@ -121,11 +122,11 @@ typedef enum {
     ANYFACE_STATUS_CANCELLED = 9,
     /// A numerical method that did not converge, or a defect in the library.
     ANYFACE_STATUS_INTERNAL = 10,
-    /// A result that does not fit into memory: take it block by block, as `anyface_clip_stream()` gives it.
+    /// A result that does not fit into memory. Take it block by block from `anyface_clip_stream()`.
     ANYFACE_STATUS_OUT_OF_MEMORY = 13,
 } AnyfaceStatus;
 
-/// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
+/// Where results that depend only on the mesh are kept between runs; for `AnyfaceEngineOptions`.
 typedef enum {
     /// In the user's cache folder, bounded in size. The default.
     ANYFACE_CACHE_USER = 0,
@@ -151,7 +152,7 @@ typedef enum {
     ANYFACE_AXIS_NEG_Z = 5,
 } AnyfaceAxis;
 
-/// What a connected part of the mesh is and follows; for `AnyfaceFaceOptions` and
+/// What a connected part of the mesh is, and what it follows; for `AnyfaceFaceOptions` and
 /// `anyface_face_copy_parts()`.
 typedef enum {
     /// The face itself.
@@ -160,23 +161,23 @@ typedef enum {
     ANYFACE_PART_ROLE_JAW = 1,
     /// Follows the skull: upper teeth, upper gums, glasses, hair.
     ANYFACE_PART_ROLE_SKULL = 2,
-    /// Holds both jaws: gums with a tongue, the mouth's lining.
+    /// Belongs to both jaws: gums with a tongue, the lining of the mouth.
     ANYFACE_PART_ROLE_MOUTH = 3,
-    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    /// Follows the skin next to its roots: lashes, brows, beards.
     ANYFACE_PART_ROLE_NEAREST = 4,
-    /// An eyeball; rests and never deforms.
+    /// An eyeball; stays at rest and never deforms.
     ANYFACE_PART_ROLE_GAZE = 5,
-    /// Nothing of the face; rests.
+    /// Not part of the face; stays at rest.
     ANYFACE_PART_ROLE_STILL = 6,
 } AnyfacePartRole;
 
 /// How the lips of a mesh meet.
 typedef enum {
-    /// Apart, with nothing or the mouth's inside between them.
+    /// They are apart, with nothing or the inside of the mouth between them.
     ANYFACE_MOUTH_OPEN = 0,
-    /// Closed, but not joined: they part.
+    /// They are closed but not joined, so they can part.
     ANYFACE_MOUTH_SLIT = 1,
-    /// One surface that cannot part.
+    /// They are one surface and cannot part.
     ANYFACE_MOUTH_WELDED = 2,
 } AnyfaceMouth;
 
@@ -184,50 +185,51 @@ typedef enum {
 typedef enum {
     /// They close.
     ANYFACE_LIDS_CLOSE = 0,
-    /// They are sculpted shut and rest.
+    /// They are sculpted shut and do not move.
     ANYFACE_LIDS_SHUT = 1,
-    /// They are one surface with the eye, without a slit between, and rest.
+    /// They form one surface with the eye, without a slit between, and do not move.
     ANYFACE_LIDS_JOINED = 2,
 } AnyfaceLids;
 
-/// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
+/// The source of a performance's emotion; for `AnyfaceMotionOptions`.
 typedef enum {
     /// `emotion_strengths`; the default.
     ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
-    /// is not certain.
+    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or none
+    /// where that is not certain.
     ANYFACE_EMOTION_SOURCE_VOICE = 1,
-    /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
+    /// No emotion, and no other motion that speech does not cause: no blinks, no motion of brows
+    /// and lids.
     ANYFACE_EMOTION_SOURCE_OFF = 2,
-    /// Arousal: how excited the voice sounds, not which emotion it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// Arousal: how excited the voice sounds, not which emotion it has. Glad, afraid and angry
+    /// voices all widen the eyes and raise the brows.
     ANYFACE_EMOTION_SOURCE_AROUSAL = 3,
 } AnyfaceEmotionSource;
 
-/// Something of a take that can be scaled; 1 is the take as it was made.
+/// An aspect of a take that can be scaled. At 1 the take stays as it was made.
 typedef enum {
-    /// What speech does to mouth and jaw: 0 to 2.
+    /// How far speech moves the mouth and the jaw: 0 to 2.
     ANYFACE_SLIDER_ARTICULATION = 0,
     /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
     ANYFACE_SLIDER_EMOTION = 1,
-    /// How far the eyes close: 0 to 1.
+    /// How far the eyes close in blinks: 0 to 1.
     ANYFACE_SLIDER_BLINKS = 2,
-    /// What emotion and blinks change together beyond what each does alone. Not for a user: with
-    /// emotion at e and blinks at b it stands at 1 - (1 - e) * (1 - b).
+    /// The change that emotion and blinks make together, beyond what each makes alone. Do not offer
+    /// it to users: with emotion at e and blinks at b, set it to 1 - (1 - e) * (1 - b).
     ANYFACE_SLIDER_EMOTION_AND_BLINKS = 3,
 } AnyfaceSlider;
 
-/// What the numbers of a control mean; for `AnyfaceControl`.
+/// The meaning of a control's numbers; for `AnyfaceControl`.
 typedef enum {
-    /// Any number of the range.
+    /// Any number within the range.
     ANYFACE_CONTROL_VALUES_REAL = 0,
-    /// Whole numbers of the range.
+    /// Whole numbers within the range.
     ANYFACE_CONTROL_VALUES_WHOLE = 1,
     /// The number of one of `choices`.
     ANYFACE_CONTROL_VALUES_CHOICE = 2,
 } AnyfaceControlValues;
 
-/// What a control acts on; for `AnyfaceControl`.
+/// The stage that a control changes; for `AnyfaceControl`.
 typedef enum {
     /// A face: set it in `AnyfaceFaceOptions`.
     ANYFACE_CONTROL_STAGE_FACE = 0,
@@ -235,27 +237,27 @@ typedef enum {
     ANYFACE_CONTROL_STAGE_MOTION = 1,
 } AnyfaceControlStage;
 
-/// What a viewer sees of a clip.
+/// How much of a clip a viewer can see.
 typedef enum {
-    /// The mouth speaks, or was asked to rest.
+    /// The mouth speaks, or the options told it to rest.
     ANYFACE_VISIBILITY_SPEAKS = 0,
-    /// Lids and brows move, the lips do not: there is likely no speech in the sound.
+    /// Lids and brows move but the lips do not: the sound probably contains no speech.
     ANYFACE_VISIBILITY_LIPS_REST = 1,
     /// Nothing moves.
     ANYFACE_VISIBILITY_NOTHING = 2,
 } AnyfaceVisibility;
 
-/// What is said beside the closures.
+/// The kinds of labelled intervals that sounds have besides the lip closures.
 typedef enum {
     /// Phones.
     ANYFACE_TIER_PHONES = 0,
     /// Words.
     ANYFACE_TIER_WORDS = 1,
-    /// Mouths of a chart.
+    /// Mouths of a mouth chart.
     ANYFACE_TIER_MOUTHS = 2,
 } AnyfaceTier;
 
-/// The mouths that a chart is drawn with.
+/// The set of mouths that a chart is drawn with.
 typedef enum {
     /// Rhubarb's nine, A to H and X.
     ANYFACE_MOUTHS_RHUBARB = 0,
@@ -263,24 +265,24 @@ typedef enum {
     ANYFACE_MOUTHS_PRESTON_BLAIR = 1,
 } AnyfaceMouths;
 
-/// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
+/// A sound, stored as mono at 16 kHz. It never changes once it is made: any number of threads may
 /// use it at the same time.
 typedef struct AnyfaceAudio AnyfaceAudio;
 
 /// `K` shapes and their weights in every frame: `displacement[t] = sum over k of weight[t][k] *
-/// shape[k]`. Weights lie within -1 and 1. Never changes after it was made: any number of threads
-/// may use it at the same time.
+/// shape[k]`. Weights lie within -1 and 1. The basis never changes once it is made: any number
+/// of threads may use it at the same time.
 typedef struct AnyfaceBasis AnyfaceBasis;
 
-/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
-/// changes after it was made: any number of threads may read it at the same time.
+/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. They
+/// never change once they are made: any number of threads may read them at the same time.
 typedef struct AnyfaceClip AnyfaceClip;
 
-/// `K` curves with few keys each. Never changes after it was made: any number of threads may use it
-/// at the same time.
+/// `K` curves with few keys each. They never change once they are made: any number of threads may
+/// use them at the same time.
 ///
-/// A curve passes through the values at its keys. Between keys `n` frames apart it is a Bézier
-/// segment whose handles lie `0.39 * n` frames beside them, along the slope of the key.
+/// A curve passes through the values at its keys. Between two keys `n` frames apart it is a Bézier
+/// segment. Each of its handles lies `0.39 * n` frames from its key, along that key's slope.
 typedef struct AnyfaceCurves AnyfaceCurves;
 
 /// Loaded weights and settings. Any number of threads may use one engine at the same time.
@@ -289,91 +291,96 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
-/// Sentences about a motion and its events on a face, in English. Never changes after it was made: any number of
-/// threads may read it at the same time.
+/// Sentences about a motion and its events on a face, in English. They never change once they are
+/// made: any number of threads may read them at the same time.
 typedef struct AnyfaceEventNotes AnyfaceEventNotes;
 
-/// Events of a performance. Never changes after it was made: any number of threads may use it at the same
-/// time.
+/// Events of a performance. They never change once they are made: any number of threads may use
+/// them at the same time.
 typedef struct AnyfaceEvents AnyfaceEvents;
 
-/// The action units of an expression. Never changes after it was made: any number of threads may read it at the same
-/// time.
+/// The action units of an expression. It never changes once it is made: any number of threads may
+/// read it at the same time.
 typedef struct AnyfaceExpression AnyfaceExpression;
 
-/// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
-/// needs. Never changes after it was made: any number of threads may use it at the same time.
+/// Everything known about one mesh: its landmarks, how its lips meet, what its parts are, and the
+/// data needed to move it. It never changes once it is made: any number of threads may use it at
+/// the same time.
 typedef struct AnyfaceFace AnyfaceFace;
 
-/// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
-/// it at the same time.
+/// One head of FaceTalk's parametric model. It never changes once it is made: any number of threads
+/// may use it at the same time.
 ///
-/// It is `N` numbers: 100 coefficients, each from a normal distribution, then how far each of its traits goes (age, sex,
-/// weight …), -4 to 4; all 0 is the mean head. Its frame is metres, +x to the subject's left, +y up, +z out of the face.
+/// `N` numbers describe it: 100 coefficients, each from a normal distribution, then the value of
+/// each trait (age, sex, weight …), -4 to 4. The mean head has only zeros. The frame is in metres,
+/// +x to the subject's left, +y up, +z out of the face.
 typedef struct AnyfaceHead AnyfaceHead;
 
-/// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
+/// A triangle mesh in the caller's own units, axes and vertex order. It never changes once it is
 /// made: any number of threads may use it at the same time.
 typedef struct AnyfaceMesh AnyfaceMesh;
 
-/// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
-/// changes after it was made.
+/// Motion before any mesh is known: of landmarks, or of whatever else the system moves. It fits
+/// every face and never changes once it is made.
 typedef struct AnyfaceMotion AnyfaceMotion;
 
-/// A mesh whose lips or lids were one surface and can part now, and what each of its pieces was before. Never
-/// changes after it was made: any number of threads may use it at the same time.
+/// A mesh whose lips or lids were one surface and can part now, and the source of each of its
+/// pieces. It never changes once it is made: any number of threads may use it at the same time.
 ///
-/// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
-/// those that were cut in pieces; then what was sewn behind the cut.
+/// Old vertices keep their numbers and positions; new ones follow. Old triangles keep their order,
+/// and pieces replace those that were cut. The surface that was sewn behind the cut follows.
 typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 
 /// Watches and stops jobs.
 ///
-/// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
-/// It may accompany several calls one after the other; one that was cancelled stays so.
+/// Pass the handle to a long call. Any other thread can then read and cancel it while the call
+/// runs. One handle may serve several calls one after the other. Once cancelled, it stays
+/// cancelled.
 typedef struct AnyfaceProgress AnyfaceProgress;
 
-/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
+/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
 /// number of threads may use it at the same time.
 typedef struct AnyfaceRig AnyfaceRig;
 
-/// What each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
+/// The change that each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
 ///
-/// A slider has `N` knots, rising and none of them 1, where nothing is added. Between them and 1 the
-/// change is linear, beyond the last one it stays. Changes of several sliders add up. Never changes
-/// after it was made: any number of threads may read it at the same time.
+/// A slider has `N` knots in rising order. 1 is never among them, because nothing is added there.
+/// The change is linear from knot to knot, where 1 counts as a knot without change, and constant
+/// beyond the outermost. The changes of several sliders add up. The object never changes once it is
+/// made: any number of threads may read it at the same time.
 typedef struct AnyfaceSliders AnyfaceSliders;
 
-/// Sounds of speech and their times: heard in a sound, or read from a file. Never changes after it was made.
+/// Sounds of speech and their times: heard in a sound, read from a file, or drawn as a mouth chart.
+/// It never changes once it is made.
 typedef struct AnyfaceSounds AnyfaceSounds;
 
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
 ///
-/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
-/// one thread at a time.
+/// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
+/// a time may use a stream.
 typedef struct AnyfaceStream AnyfaceStream;
 
-/// A performance in progress for characters with shapes of their own: push sound, pull weights of ARKit's shapes and of
-/// visemes, with blinks, eyes that move and a head that drifts.
+/// A performance in progress for characters with their own shapes: push sound, pull weights of
+/// ARKit's shapes and of visemes, with blinks, moving eyes and a drifting head.
 ///
-/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
-/// one thread at a time.
+/// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
+/// a time may use a stream.
 typedef struct AnyfaceWeightStream AnyfaceWeightStream;
 
-/// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
-/// threads may use it at the same time.
+/// Weights of `S` shapes in `T` frames, 0 to 1. They never change once they are made: any number of
+/// threads may use them at the same time.
 typedef struct AnyfaceWeights AnyfaceWeights;
 
-/// Receives progress; any result but 0 asks the job to stop.
+/// Receives progress. Any result other than 0 asks the job to stop.
 ///
-/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or another;
-/// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
-/// Called from a thread of the library, which may differ from the one that started the job and
-/// from call to call; never twice at the same time for one handle. It must not throw or longjmp,
+/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or
+/// another name. It lives as long as the progress handle. `fraction`: how much of that stage is
+/// done, 0 to 1. The library calls it from a thread that may differ from the one that started the
+/// job, and from call to call. Calls for one handle never overlap. It must not throw or longjmp,
 /// and must not start a job with the same handle.
 typedef int (*AnyfaceProgressFn)(void *user, const char *stage, float fraction);
 
-/// How an engine is set up; prepare it with `anyface_engine_options_init()`.
+/// Options of an engine; prepare them with `anyface_engine_options_init()`.
 typedef struct {
     /// Bytes of this struct in the caller's header; set by `anyface_engine_options_init()`.
     size_t struct_size;
@@ -387,32 +394,33 @@ typedef struct {
     const char *cache_dir;
     /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
     int32_t cache;
-    /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
+    /// Worker threads; 0, the default, for one per core. The result does not depend on this number.
     uint32_t threads;
-    /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
-    /// the first.
+    /// Name of the system that turns speech into motion, from `anyface_system_name()`, UTF-8; NULL,
+    /// the default, for the first.
     const char *system;
-    /// Folder of Whisper base (`openai/whisper-base`), or of a classifier of emotions on HuBERT or wav2vec2
-    /// (`config.json` with labels, weights), that hears emotions instead of the built-in ear where the emotion is that of
-    /// the voice, UTF-8; NULL, the default, for the built-in one.
+    /// Folder of a model that replaces the built-in recognition of emotions wherever the emotion is
+    /// taken from the voice, UTF-8: Whisper base (`openai/whisper-base`) or an emotion classifier
+    /// on HuBERT or wav2vec2 (`config.json` with labels, weights). NULL, the default, for the
+    /// built-in one.
     const char *emotion_model_dir;
 } AnyfaceEngineOptions;
 
-/// Something that a system lets its user change. All texts live as long as the library is loaded.
+/// A setting that a system lets its user change. All texts live as long as the library is loaded.
 typedef struct {
-    /// Bytes of this struct in the caller's header.
+    /// Size in bytes of this struct in the caller's header.
     size_t struct_size;
-    /// By which it is set, such as "blinks_per_minute".
+    /// The name by which it is set, such as "blinks_per_minute".
     const char *name;
-    /// Its name for people.
+    /// The name to show to people.
     const char *label;
-    /// A sentence or two of help.
+    /// One or two sentences of help.
     const char *help;
     /// The unit of its numbers: "s", "per_minute", or "".
     const char *unit;
-    /// `[choice_count]` names of a choice; NULL otherwise.
+    /// `[choice_count]`: the names of the choices; NULL if `values` is not a choice.
     const char *const *choices;
-    /// Number of names of a choice.
+    /// Number of names in `choices`.
     size_t choice_count;
     /// An `AnyfaceControlValues`.
     int32_t values;
@@ -422,80 +430,87 @@ typedef struct {
     float low;
     /// The largest number.
     float high;
-    /// The number where nothing is set.
+    /// The number that applies if a user sets none.
     float default_value;
     /// The number that leaves the motion as the system made it.
     float neutral;
     /// 1 if it may have keys over time, else 0.
     int32_t animatable;
-    /// 0.
+    /// Always 0.
     uint32_t reserved;
 } AnyfaceControl;
 
-/// What one control is set to; `anyface_system_control()` lists the controls.
+/// The value of one control; `anyface_system_control()` lists the controls.
 typedef struct {
     /// Its name, such as "articulation", UTF-8.
     const char *name;
-    /// Its value, within the control's range; of a choice the number of the name.
+    /// Its value, within the control's range. For a choice, the number of the chosen name.
     float value;
     /// Must be 0.
     uint32_t reserved;
-    /// `[key_count]` seconds, rising, at which the control has the values of `key_values`: linear in
-    /// between, held outside. NULL where it does not change over time.
+    /// `[key_count]`: times in seconds, rising, at which the control has the values of
+    /// `key_values`. It changes linearly between keys and keeps the first or last value outside
+    /// them. NULL if it does not change over time.
     const double *key_times_s;
-    /// `[key_count]`, within the control's range; NULL where it does not change over time.
+    /// `[key_count]`, within the control's range; NULL if it does not change over time.
     const double *key_values;
-    /// Number of keys; 0 where the control does not change over time.
+    /// Number of keys; 0 if the control does not change over time.
     size_t key_count;
 } AnyfaceControlSetting;
 
-/// What is known of a face; prepare it with `anyface_face_options_init()`.
+/// What is known about a face; prepare it with `anyface_face_options_init()`.
 ///
-/// Landmarks may come in one of three ways, or not at all: then the library finds them.
+/// Landmarks may be given as positions, as vertices, as both, or as JSON. Without any the library
+/// finds them.
 typedef struct {
     /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
     size_t struct_size;
-    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
-    /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
+    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W. Each moves to the nearest
+    /// suitable place on the surface, unless it lies at its vertex in `landmark_vertices`. NULL if
+    /// not given.
     const float *landmark_positions;
-    /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
-    /// on that vertex, as those of `anyface_opened_face_copy_landmarks()` on rims that touch.
+    /// `[68]` vertex numbers, NULL if not given. Together with positions, a point that lies exactly
+    /// at its vertex stays on that vertex. Points of `anyface_opened_face_copy_landmarks()` need
+    /// this where rims touch.
     const uint32_t *landmark_vertices;
-    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
-    /// otherwise.
+    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL if
+    /// not given.
     const char *landmark_json;
     /// The axis out of the face, one of `AnyfaceAxis`; default +z, as in OBJ and glTF. Blender
     /// faces -y.
     int32_t forward;
     /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
     int32_t up;
-    /// `[control_count]`: controls of the system that act on a face, such as "learned"; the others
-    /// stand at their defaults. They take no keys. NULL otherwise.
+    /// `[control_count]`: controls of the system that act on a face, such as "learned". All others
+    /// have their defaults. These controls take no keys. NULL if none is set.
     const AnyfaceControlSetting *controls;
     /// Number of controls that are set.
     size_t control_count;
-    /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
-    /// counts them; NULL otherwise. All other parts are told by shape and place.
+    /// `[part_count]` numbers of the parts whose role the caller knows, as in
+    /// `anyface_face_copy_parts()`; NULL if there are none. The library recognises all other parts
+    /// by their shape and place.
     const uint32_t *part_numbers;
-    /// `[part_count]` their roles, each one of `AnyfacePartRole`; NULL otherwise.
+    /// `[part_count]` roles of these parts, each one of `AnyfacePartRole`; NULL if there are none.
     const int32_t *part_roles;
     /// Number of parts whose role the caller knows.
     size_t part_count;
     /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
-    /// others follow; NULL otherwise.
+    /// others adapt; NULL if there are none.
     const uint32_t *fixed_numbers;
-    /// `[fixed_count, 3]` their places, mesh units and axes; each is put on the surface. NULL
-    /// otherwise.
+    /// `[fixed_count, 3]` positions of these landmarks, mesh units and axes; each moves onto the
+    /// surface. NULL if there are none.
     const float *fixed_positions;
     /// Number of landmarks that stay.
     size_t fixed_count;
-    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was put together
-    /// from several (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL otherwise.
+    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was joined
+    /// from several objects (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL if not
+    /// given.
     const uint32_t *object_of_vertex;
-    /// Number of vertices of the mesh where `object_of_vertex` is given, otherwise 0.
+    /// Number of vertices of the mesh if `object_of_vertex` is given, otherwise 0.
     size_t object_vertex_count;
-    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 for
-    /// parts that are told by shape and place. `part_numbers` count before these. NULL otherwise.
+    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 if
+    /// the library should recognise its parts by their shape and place. `part_numbers` take
+    /// precedence over these. NULL if there are no objects.
     const int32_t *object_roles;
     /// Number of objects.
     size_t object_count;
@@ -507,75 +522,83 @@ typedef struct {
     double start_s;
     /// Last second, above the first.
     double end_s;
-    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1", with L or R behind for the subject's left or
-    /// right alone: "45L".
+    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1". A final L or R restricts a unit
+    /// to the subject's left or right side: "45L".
     const char *const *units;
     /// Number of units, 1 or more.
     size_t unit_count;
-    /// 0 to 2; 1 is the model's own. Not 0 by itself: set it.
+    /// 0 to 2; 1 is the strength that the model itself gives. It has no default, so set it.
     float strength;
-    /// 1 where lips that the speech brings together may stay apart under it, else 0.
+    /// 1 if the event overrides the speech, so that lips may stay apart that the speech would
+    /// close; otherwise 0.
     int32_t over_speech;
 } AnyfaceEvent;
 
-/// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
+/// Options of a performance. Prepare them with `anyface_motion_options_init()`.
 typedef struct {
-    /// Bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
+    /// Size in bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
     size_t struct_size;
-    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more, at most 1.5
-    /// in sum for each row. NULL with a count of 0, the default, is neutral throughout.
+    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more. Each row sums
+    /// to at most 1.5. NULL with a count of 0, the default, is neutral throughout.
     const float *emotion_strengths;
-    /// `[emotion_count]`: seconds at which the rows hold, rising; linear in between, held outside.
-    /// NULL where there is one row, which then holds throughout.
+    /// `[emotion_count]`: the times of the rows, seconds, rising. Strengths are linear between the
+    /// rows and constant before the first and after the last. May be NULL if there is only one row,
+    /// which then applies throughout.
     const double *emotion_times_s;
     /// Number of rows.
     size_t emotion_count;
     /// Frames per second of the result, 1 to 240; default 30.
     double fps;
-    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and
-    /// variety, and the noise of models that sample with noise, which the built-in one does not.
+    /// The same seed gives the same motion; default 0. It determines blinks, brow accents, head,
+    /// gaze and variety, and the noise of models that sample with noise. The built-in one uses none.
     uint64_t seed;
-    /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
+    /// Name of the speaking style, UTF-8. NULL, the default, takes the model's own style.
     const char *style;
-    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
+    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With any other source,
     /// `emotion_count` must be 0.
     int32_t emotion_source;
     /// Must be 0.
     uint32_t reserved;
-    /// `[control_count]`: controls of the system that act on a performance, such as "articulation"; the
-    /// others stand at their defaults. NULL otherwise.
+    /// `[control_count]`: settings of the system's controls that act on a performance, such as
+    /// "articulation". All other controls have their defaults. May be NULL if there are none.
     const AnyfaceControlSetting *controls;
-    /// Number of controls that are set.
+    /// Number of settings in `controls`.
     size_t control_count;
-    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
-    /// order, where `has_closures` is 1; see `anyface_sounds_copy_closures()`.
+    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are
+    /// together, in rising order. Only used if `has_closures` is 1; see
+    /// `anyface_sounds_copy_closures()`.
     const double *closures_s;
-    /// Number of intervals; 0 with `has_closures` closes the lips nowhere.
+    /// Number of intervals. It must be 0 if `has_closures` is 0. If `has_closures` is 1, a count
+    /// of 0 means that the lips never close.
     size_t closure_count;
-    /// 1 closes the lips in these intervals, 0, the default, where that is heard.
+    /// 1: the lips close in these intervals. 0, the default: they close where that is heard.
     int32_t has_closures;
     /// Must be 0.
     uint32_t reserved_2;
-    /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
-    /// cannot show them refuses: see `anyface_system_takes_events()`.
+    /// Events that the face has to show. The handle is used only until the call returns. NULL, the
+    /// default, means none. A system that cannot show events refuses them: see
+    /// `anyface_system_takes_events()`.
     const AnyfaceEvents *events;
-    /// Another recording whose emotion the face shows; only until the call returns. NULL, the default, is the
-    /// voice itself. A system that does not hear emotion refuses: see `anyface_system_hears_emotion()`.
+    /// Another recording whose emotion the face shows. The handle is used only until the call
+    /// returns. NULL, the default, takes the voice itself. A system that does not hear emotion
+    /// refuses it: see `anyface_system_hears_emotion()`.
     const AnyfaceAudio *emotion_of;
-    /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
-    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    /// A motion of landmarks. The face and its tongue start in the pose of its last frame. The
+    /// handle is used only until the call returns. NULL, the default, starts at rest. A system that
+    /// cannot start from a pose refuses it: see `anyface_system_starts_from_pose()`.
     const AnyfaceMotion *starts_from;
-    /// A recording in which the same person speaks neutrally, ten seconds or more; only until the call returns. The emotion
-    /// of the voice is heard as what differs from it. NULL, the default, compares the voice with readers.
+    /// A recording in which the same person speaks neutrally, ten seconds or more. The handle is
+    /// used only until the call returns. The emotion of the voice is then heard as the difference
+    /// from this recording. NULL, the default, compares the voice with people reading aloud.
     const AnyfaceAudio *neutral_voice;
 } AnyfaceMotionOptions;
 
-/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+/// Receives frames in order. A result other than 0 ends the job with `ANYFACE_STATUS_CANCELLED`.
 ///
-/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
-/// the neutral positions; valid during this call alone.
-/// Called from a thread of the library, which may differ from the one that started the job and from
-/// call to call; never twice at the same time. It must not throw or longjmp.
+/// `first_frame`: number of the first frame of the block. `displacements`: `[frame_count, V, 3]`,
+/// mesh units, added to the neutral positions; valid only during this call.
+/// The library calls it from one of its threads, which may differ from the thread that started the
+/// job and from call to call, but never from two at the same time. It must not throw or longjmp.
 typedef int (*AnyfaceFramesFn)(void *user,
                                size_t first_frame,
                                size_t frame_count,
@@ -585,18 +608,19 @@ typedef int (*AnyfaceFramesFn)(void *user,
 extern "C" {
 #endif // __cplusplus
 
-/// Version of the interface that the loaded library has.
+/// Version of the loaded library's interface.
 ///
-/// It is raised when something that existed changes its meaning or goes away. A program that
-/// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
-/// New functions, and new fields at the end of an options struct, do not raise it. It counts from the first release on:
-/// until 0.1.0 is out it is 1 whatever changes, and a program is built anew with each library.
+/// It is raised when an existing part of the interface changes its meaning or goes away. A program
+/// that loads the library at run time should stop if this differs from its own
+/// `ANYFACE_ABI_VERSION`. New functions, and new fields at the end of an options struct, do not
+/// raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
+/// and a program has to be rebuilt with each library.
 uint32_t anyface_abi_version(void);
 
-/// Version of the library, such as "0.1.0"; lives as long as the library is loaded.
+/// Version of the library, such as "0.1.0". It lives as long as the library is loaded.
 const char *anyface_version(void);
 
-/// A short name of a status, such as "face not found"; "unknown" for a number that is none.
+/// A short name of a status, such as "face not found". "unknown" for a number that is no status.
 ///
 /// The text lives as long as the library is loaded.
 const char *anyface_status_name(int32_t status);
@@ -610,23 +634,24 @@ AnyfaceStatus anyface_error_status(const AnyfaceError *error);
 /// Frees an error; nothing happens for NULL.
 void anyface_error_free(AnyfaceError *error);
 
-/// A handle that watches and stops jobs; never NULL.
+/// Makes a handle that watches and stops jobs. The result is never NULL. Free with
+/// `anyface_progress_free()`.
 ///
-/// `callback` may be NULL for a program that reads with `anyface_progress_read()` instead. `user`
-/// is passed to the callback as it is.
+/// `callback` may be NULL if the program calls `anyface_progress_read()` instead. `user` is passed
+/// to the callback unchanged.
 AnyfaceProgress *anyface_progress_new(AnyfaceProgressFn callback, void *user);
 
-/// Reads how far the job is; from any thread, at any time.
+/// Reads how far the job is. May be called from any thread at any time.
 ///
 /// `stage` receives the name of the stage ("" before the first), which lives until the handle is
-/// freed; `fraction` the share of it that is done, 0 to 1. Either may be NULL.
+/// freed. `fraction` receives how much of that stage is done, 0 to 1. Either may be NULL.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `progress` is NULL.
 AnyfaceStatus anyface_progress_read(const AnyfaceProgress *progress,
                                     const char **stage,
                                     float *fraction);
 
-/// Asks the job to stop, from any thread; the running call returns `ANYFACE_STATUS_CANCELLED` as
-/// soon as it can. Nothing happens for NULL.
+/// Asks the job to stop. May be called from any thread. The running call returns
+/// `ANYFACE_STATUS_CANCELLED` as soon as it can. Nothing happens for NULL.
 void anyface_progress_cancel(const AnyfaceProgress *progress);
 
 /// Frees a progress handle that no running call uses; nothing happens for NULL.
@@ -638,27 +663,29 @@ void anyface_progress_free(AnyfaceProgress *progress);
 /// version had.
 AnyfaceStatus anyface_engine_options_init(AnyfaceEngineOptions *options, size_t struct_size);
 
-/// Loads the weights; takes some tenths of a second, so keep the engine.
+/// Loads the weights. This takes some tenths of a second, so keep the engine.
 ///
 /// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
 /// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
-/// config, `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
+/// config, and with `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
 AnyfaceStatus anyface_engine_new(const AnyfaceEngineOptions *options,
                                  AnyfaceEngine **out,
                                  AnyfaceError **error);
 
-/// Most memory that motion on a mesh takes at a time, bytes, as far as that is known before the work starts: within 40 %
-/// of what was measured.
+/// Estimates the peak memory that motion on a mesh needs, bytes, before the work starts. The
+/// estimate is within 40 % of the measured values. 0 for NULL.
 ///
-/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`.
-/// `sound_s`: seconds of the sound that `anyface_motion_new()` gets. 0 for NULL.
-/// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` where it surely does not fit.
+/// `frames_at_once`: frames in memory at once: all of them for `anyface_clip_new()`, two blocks for
+/// `anyface_clip_stream()`. `sound_s`: length of the sound for `anyface_motion_new()`, seconds.
+/// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` if the
+/// work certainly does not fit into memory.
 uint64_t anyface_engine_memory_needed(const AnyfaceEngine *engine,
                                       size_t vertex_count,
                                       size_t frames_at_once,
                                       double sound_s);
 
-/// Memory that this process may still take, bytes; `UINT64_MAX` where the system does not say.
+/// Memory that this process may still take, bytes; `UINT64_MAX` if the operating system does not
+/// say.
 uint64_t anyface_memory_left(void);
 
 /// Frees an engine that no running call uses; nothing happens for NULL.
@@ -666,11 +693,11 @@ uint64_t anyface_memory_left(void);
 /// Faces, motions and clips that were made with it stay valid.
 void anyface_engine_free(AnyfaceEngine *engine);
 
-/// A mesh from triangles; the arrays are copied.
+/// Makes a mesh from triangles; the arrays are copied.
 ///
 /// `positions`: `[vertex_count, 3]`, any units. `triangles`: `[triangle_count, 3]`, vertex
-/// numbers. Loose vertices, several parts, holes, duplicate and flat triangles are allowed. Free
-/// with `anyface_mesh_free()`.
+/// numbers. Loose vertices, several parts, holes, duplicate triangles and triangles without area
+/// are allowed. Free with `anyface_mesh_free()`.
 /// Fails with `ANYFACE_STATUS_MESH` for too few triangles, positions that are not finite or vertex
 /// numbers out of range.
 AnyfaceStatus anyface_mesh_new(const float *positions,
@@ -680,12 +707,12 @@ AnyfaceStatus anyface_mesh_new(const float *positions,
                                AnyfaceMesh **out,
                                AnyfaceError **error);
 
-/// A mesh from polygons, which are cut into triangles; the arrays are copied.
+/// Makes a mesh from polygons, which are cut into triangles; the arrays are copied.
 ///
-/// `positions`: `[vertex_count, 3]`, any units. `polygon_sizes`: `[polygon_count]`, corners of
-/// each. `corners`: `[corner_count]`, the vertex numbers of all polygons in a row. Free with
-/// `anyface_mesh_free()`.
-/// Fails as `anyface_mesh_new()`, and with `ANYFACE_STATUS_INVALID_INPUT` if the sizes do not add
+/// `positions`: `[vertex_count, 3]`, any units. `polygon_sizes`: `[polygon_count]`, number of
+/// corners of each. `corners`: `[corner_count]`, the vertex numbers of all polygons, one polygon
+/// after the other. Free with `anyface_mesh_free()`.
+/// Fails like `anyface_mesh_new()`, and with `ANYFACE_STATUS_INVALID_INPUT` if the sizes do not add
 /// up to `corner_count`.
 AnyfaceStatus anyface_mesh_new_polygons(const float *positions,
                                         size_t vertex_count,
@@ -696,11 +723,11 @@ AnyfaceStatus anyface_mesh_new_polygons(const float *positions,
                                         AnyfaceMesh **out,
                                         AnyfaceError **error);
 
-/// A mesh from an OBJ, PLY or GLB file; the vertex order is the file's.
+/// Reads a mesh from an OBJ, PLY or GLB file. The vertices keep the order of the file.
 ///
 /// `path`: UTF-8. Free with `anyface_mesh_free()`.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_MESH` if it is
-/// neither format or the mesh cannot be used.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with `ANYFACE_STATUS_MESH` if it
+/// has none of these formats or the mesh cannot be used.
 AnyfaceStatus anyface_mesh_read(const char *path, AnyfaceMesh **out, AnyfaceError **error);
 
 /// Number `V` of vertices; 0 for NULL.
@@ -730,12 +757,13 @@ AnyfaceStatus anyface_mesh_copy_triangles(const AnyfaceMesh *mesh,
 /// Frees a mesh that no running call uses; nothing happens for NULL.
 void anyface_mesh_free(AnyfaceMesh *mesh);
 
-/// A sound from samples in memory, which are copied.
+/// Makes a sound from samples in memory, which are copied.
 ///
-/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; channels are averaged.
+/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; the channels are
+/// averaged.
 /// `sample_rate_hz`: 4000 to 384000. Free with `anyface_audio_free()`.
-/// Fails with `ANYFACE_STATUS_AUDIO` for no samples, samples that are not finite, no channels or a
-/// rate out of range.
+/// Fails with `ANYFACE_STATUS_AUDIO` if there are no samples or no channels, a sample is not finite
+/// or the rate is out of range.
 AnyfaceStatus anyface_audio_new(const float *samples,
                                 size_t frame_count,
                                 uint32_t channels,
@@ -743,34 +771,33 @@ AnyfaceStatus anyface_audio_new(const float *samples,
                                 AnyfaceAudio **out,
                                 AnyfaceError **error);
 
-/// A sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
+/// Reads a sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
 ///
-/// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
-/// the sound is missing because the file is damaged.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
-/// be decoded, holds no sound, or is damaged so that more than a fifth of it is missing;
-/// `anyface_audio_read_damaged()` takes what is left.
-AnyfaceStatus anyface_audio_read(const char *path,
-                                 AnyfaceAudio **out,
-                                 AnyfaceError **error);
+/// `path`: UTF-8. Free with `anyface_audio_free()`. If the file is damaged,
+/// `anyface_audio_warning()` says how much of the sound is missing.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with `ANYFACE_STATUS_AUDIO` if it
+/// cannot be decoded, holds no sound, or is so damaged that more than a fifth of the sound is
+/// missing. `anyface_audio_read_damaged()` reads such a file anyway.
+AnyfaceStatus anyface_audio_read(const char *path, AnyfaceAudio **out, AnyfaceError **error);
 
-/// As `anyface_audio_read()`, however much is missing.
+/// Like `anyface_audio_read()`, but accepts a damaged file however much of its sound is missing.
 AnyfaceStatus anyface_audio_read_damaged(const char *path,
                                          AnyfaceAudio **out,
                                          AnyfaceError **error);
 
-/// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
-/// is, and for NULL.
+/// A sentence in English that says how much of a sound is missing because its file is damaged. NULL
+/// if nothing is missing, and for NULL.
 ///
-/// The text lives as long as the sound; a part of a sound has none.
+/// The text lives as long as the sound. A sound from `anyface_audio_trim()` has no warning.
 const char *anyface_audio_warning(const AnyfaceAudio *audio);
 
-/// A part of a sound, copied.
+/// Copies a part of a sound into a new one.
 ///
-/// `start_s`, `duration_s`: seconds, not negative; what lies past the end is left out.
+/// `start_s`, `duration_s`: seconds, not negative. The part ends at the end of the sound at the
+/// latest.
 /// Free with `anyface_audio_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite,
-/// `ANYFACE_STATUS_AUDIO` if nothing is left.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite, and with
+/// `ANYFACE_STATUS_AUDIO` if the part has no samples.
 AnyfaceStatus anyface_audio_trim(const AnyfaceAudio *audio,
                                  double start_s,
                                  double duration_s,
@@ -792,19 +819,21 @@ AnyfaceStatus anyface_audio_copy_samples(const AnyfaceAudio *audio,
 /// Length in seconds; 0 for NULL.
 double anyface_audio_duration_s(const AnyfaceAudio *audio);
 
-/// Largest magnitude of any sample; 0 for silence and for NULL. Below 0.001 counts as silence.
+/// Largest magnitude of any sample; 0 for NULL. A sound whose peak is below 0.001 counts as
+/// silence.
 float anyface_audio_peak(const AnyfaceAudio *audio);
 
 /// Frees a sound that no running call uses; nothing happens for NULL.
 void anyface_audio_free(AnyfaceAudio *audio);
 
-/// Draws a mouth chart: which of a few drawn mouths stands in each frame of a clip, by how far the lips are apart, how wide
-/// the mouth is, and what is said.
+/// Draws a mouth chart: it selects one of a few drawn mouths for each frame of a clip.
 ///
-/// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
-/// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
-/// which a mouth stands, 1 to 240; `closure_hold` and `vowel_hold`: the same of lips that close for p, b and m, and of the
-/// mouths of vowels, 0 for `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// The choice depends on how far the lips are apart, how wide the mouth is, and what is said.
+/// `said`: when the lips close and which phones are said, from `anyface_sounds_new_with_text()` or
+/// a file; may be NULL. `mouths`: an `AnyfaceMouths`. `on`: mouths change only at every `on`-th
+/// frame, 1 to 240. `hold`: the fewest frames for which a mouth stays, 1 to 240. `closure_hold` and
+/// `vowel_hold`: the same for lips that close for p, b and m, and for the mouths of vowels; 0 takes
+/// `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
 /// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
 AnyfaceStatus anyface_sounds_new_chart(const AnyfaceClip *clip,
                                        const AnyfaceSounds *said,
@@ -816,7 +845,8 @@ AnyfaceStatus anyface_sounds_new_chart(const AnyfaceClip *clip,
                                        AnyfaceSounds **out,
                                        AnyfaceError **error);
 
-/// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.
+/// Listens to a sound and finds the times at which the lips are together, for p, b, m and similar
+/// sounds.
 ///
 /// Free with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use.
 AnyfaceStatus anyface_sounds_new(const AnyfaceEngine *engine,
@@ -824,45 +854,47 @@ AnyfaceStatus anyface_sounds_new(const AnyfaceEngine *engine,
                                  AnyfaceSounds **out,
                                  AnyfaceError **error);
 
-/// Listens to a sound for its phones and, where `text` says them, its words, beside the closures of
-/// `anyface_sounds_new()`, which stay the same and alone close lips.
+/// Listens to a sound and finds its closures, its phones and, if `text` is given, the times of its
+/// words. The closures are the same as those of `anyface_sounds_new()`. They alone decide when the
+/// lips close.
 ///
-/// `text`: UTF-8, the words that are said in the sound; NULL where nobody knows them. Free with
-/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use,
-/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound,
-/// `ANYFACE_STATUS_WEIGHTS` for an engine with a speech encoder of the user's own.
+/// `text`: UTF-8, the words that are said in the sound; NULL if they are not known. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, with
+/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound, and with
+/// `ANYFACE_STATUS_WEIGHTS` for an engine with the user's own speech encoder.
 AnyfaceStatus anyface_sounds_new_with_text(const AnyfaceEngine *engine,
                                            const AnyfaceAudio *audio,
                                            const char *text,
                                            AnyfaceSounds **out,
                                            AnyfaceError **error);
 
-/// Sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo
-/// (Papagayo), .dat (Moho), .txt (lines of start, end and label).
+/// Reads sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or
+/// .json (Rhubarb), .pgo (Papagayo), .dat (Moho), .txt (lines of start, end and label).
 ///
-/// `path`: UTF-8. `fps`: frames per second that .dat counts, 1 to 240. Free with `anyface_sounds_free()`.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_INVALID_INPUT` for another
-/// ending, a line that cannot be read, or words alone.
+/// `path`: UTF-8. `fps`: the frames per second of the frame numbers in .dat, 1 to 240. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with
+/// `ANYFACE_STATUS_INVALID_INPUT` for another ending, a line that cannot be read, or a file that
+/// has only words.
 AnyfaceStatus anyface_sounds_read(const char *path,
                                   double fps,
                                   AnyfaceSounds **out,
                                   AnyfaceError **error);
 
-/// Writes sounds as a file of the kind that its ending names, as `anyface_sounds_read()` lists them.
+/// Writes sounds as a file. Its ending sets the kind; `anyface_sounds_read()` lists the kinds.
 ///
-/// `path`: UTF-8. `fps`: frames per second that .pgo and .dat count, 1 to 240.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, `ANYFACE_STATUS_IO` if the file cannot be
-/// written; then nothing is left of it.
+/// `path`: UTF-8. `fps`: the frames per second of the frame numbers in .pgo and .dat, 1 to 240.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or with `ANYFACE_STATUS_IO` if the
+/// file cannot be written; in that case no file is left behind.
 AnyfaceStatus anyface_sounds_write(const AnyfaceSounds *sounds,
                                    const char *path,
                                    double fps,
                                    AnyfaceError **error);
 
-/// Number `n` of intervals in which the lips are together; 0 for NULL.
+/// Number `n` of intervals in which the lips are together. 0 for NULL.
 size_t anyface_sounds_closure_count(const AnyfaceSounds *sounds);
 
-/// Copies the intervals in which the lips are together into the caller's buffer, as
-/// `AnyfaceMotionOptions` takes them.
+/// Copies the intervals in which the lips are together into the caller's buffer, in the form that
+/// `AnyfaceMotionOptions` takes.
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
@@ -871,16 +903,14 @@ AnyfaceStatus anyface_sounds_copy_closures(const AnyfaceSounds *sounds,
                                            size_t double_count,
                                            AnyfaceError **error);
 
-/// Number `n` of intervals of an `AnyfaceTier`; 0 where nothing is known of it, for another number, for
-/// NULL.
-size_t anyface_sounds_interval_count(const AnyfaceSounds *sounds,
-                                     int32_t tier);
+/// Number `n` of intervals of an `AnyfaceTier`. 0 if the sounds have no such intervals, for an
+/// unknown tier, or for NULL.
+size_t anyface_sounds_interval_count(const AnyfaceSounds *sounds, int32_t tier);
 
-/// Label of an interval of an `AnyfaceTier`: a phone (IPA) or a word; lives until the sounds are freed.
-/// NULL for NULL or a number that is not below the count.
-const char *anyface_sounds_label(const AnyfaceSounds *sounds,
-                                 int32_t tier,
-                                 size_t interval);
+/// Label of an interval of an `AnyfaceTier`: a phone (IPA, or as a file spells it), a word or a
+/// mouth. It lives until the sounds are freed. NULL for NULL, an unknown tier, or a number that is
+/// not below the count.
+const char *anyface_sounds_label(const AnyfaceSounds *sounds, int32_t tier, size_t interval);
 
 /// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
 ///
@@ -892,51 +922,51 @@ AnyfaceStatus anyface_sounds_copy_intervals(const AnyfaceSounds *sounds,
                                             size_t double_count,
                                             AnyfaceError **error);
 
-/// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.
+/// 1 if a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0. 0 for NULL.
 ///
 /// `label`: UTF-8.
 int32_t anyface_sounds_label_closes_lips(const char *label);
 
-/// Frees sounds; NULL is fine.
+/// Frees sounds that no running call uses; nothing happens for NULL.
 void anyface_sounds_free(AnyfaceSounds *sounds);
 
-/// Number of systems that turn speech into motion; number 0 is the default one.
+/// Number of systems that turn speech into motion. Number 0 is the default one.
 size_t anyface_system_count(void);
 
-/// The word by which a system is chosen, in `AnyfaceEngineOptions`; NULL for a number that is not below
-/// the count. Lives as long as the library is loaded.
+/// The name by which `AnyfaceEngineOptions` selects a system. NULL for a number that is not below
+/// the count. It lives as long as the library is loaded.
 const char *anyface_system_name(size_t system);
 
-/// Name of a system for people, as `anyface_system_name()`.
+/// The name of a system to show to people. NULL and lifetime are as for `anyface_system_name()`.
 const char *anyface_system_label(size_t system);
 
-/// A sentence of help, as `anyface_system_name()`.
+/// A sentence of help for a system. NULL and lifetime are as for `anyface_system_name()`.
 const char *anyface_system_help(size_t system);
 
-/// Number of controls that a system understands; 0 for a number that is not below the count.
+/// Number of controls that a system understands. 0 for a number that is not below the count.
 size_t anyface_system_control_count(size_t system);
 
-/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
-/// count.
+/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0. 0 for a number that is not
+/// below the count.
 int32_t anyface_system_takes_events(size_t system);
 
-/// 1 if a system hears emotion, in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0; 0 for a number
-/// that is not below the count.
+/// 1 if a system hears emotion in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0. 0
+/// for a number that is not below the count.
 int32_t anyface_system_hears_emotion(size_t system);
 
-/// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
-/// is not below the count.
+/// 1 if a system can start from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0. 0 for
+/// a number that is not below the count.
 int32_t anyface_system_starts_from_pose(size_t system);
 
-/// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
-int32_t anyface_system_has_slider(size_t system,
-                                  int32_t slider);
+/// 1 if takes of a system have this `AnyfaceSlider`, else 0. 0 for an unknown system or slider.
+int32_t anyface_system_has_slider(size_t system, int32_t slider);
 
-/// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
-/// `sizeof *out`.
+/// Describes a control of a system. Controls are numbered in the order in which a panel shows them.
+/// `struct_size` is `sizeof *out`.
 ///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a system or control
-/// that is not there or a size that no version had.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `out` is NULL, or with
+/// `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or control, or for a size that no version
+/// had.
 AnyfaceStatus anyface_system_control(size_t system,
                                      size_t control,
                                      AnyfaceControl *out,
@@ -948,8 +978,8 @@ AnyfaceStatus anyface_system_control(size_t system,
 /// version had.
 AnyfaceStatus anyface_face_options_init(AnyfaceFaceOptions *options, size_t struct_size);
 
-/// Takes or finds the landmarks of a mesh and computes all that does not depend on time. Long:
-/// accepts a progress handle; kept in the engine's cache.
+/// Takes or finds the landmarks of a mesh and computes everything that does not depend on time.
+/// Long: accepts a progress handle. The engine's cache keeps the result.
 ///
 /// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
 /// `anyface_face_free()`.
@@ -963,8 +993,9 @@ AnyfaceStatus anyface_face_new(const AnyfaceEngine *engine,
                                AnyfaceFace **out,
                                AnyfaceError **error);
 
-/// The quick part of `anyface_face_new()`, whose result it shares through the engine's cache: where the
-/// face is, without what moving it needs. That is computed when the face is first moved.
+/// The quick part of `anyface_face_new()`: finds the face but does not compute the data needed to
+/// move it. That happens when the face is first moved. Both functions share results through the
+/// engine's cache.
 ///
 /// Arguments and failures are those of `anyface_face_new()`.
 AnyfaceStatus anyface_face_find(const AnyfaceEngine *engine,
@@ -977,33 +1008,33 @@ AnyfaceStatus anyface_face_find(const AnyfaceEngine *engine,
 /// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
 int32_t anyface_face_mouth(const AnyfaceFace *face);
 
-/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 the subject's right eye, anything else the
-/// left one. Where lids rest, a brow that is lowered stands for a blink.
-int32_t anyface_face_lids(const AnyfaceFace *face,
-                          int32_t side);
+/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 for the subject's right
+/// eye, anything else for the left one. If the lids cannot move, a blink lowers the brow instead.
+int32_t anyface_face_lids(const AnyfaceFace *face, int32_t side);
 
-/// Size of the mesh's unit in metres on a head of human size: what makes millimetres of displacements;
-/// 0 for NULL.
+/// Length of the mesh's unit in metres if the head had human size; converts displacements to
+/// millimetres. 0 for NULL.
 double anyface_face_metres_per_unit(const AnyfaceFace *face);
 
-/// Copies the way from the mesh's frame to the canonical one, in which head and gaze of a motion are given:
-/// metres on a head of human size, +x to the subject's left, +y up, +z out of the face, origin between the
-/// jaw's hinges.
+/// Copies the transform from the mesh's frame to the canonical one, in which head and gaze of a
+/// motion are given: metres on a head of human size, +x to the subject's left, +y up, +z out of the
+/// face, origin between the jaw's hinges.
 ///
-/// `matrix`: `[3, 4]`, rows: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a shift. `float_count`
-/// must be 12. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+/// `matrix`: `[3, 4]`, row by row: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a
+/// translation. `float_count` must be 12.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
 AnyfaceStatus anyface_face_copy_to_canonical(const AnyfaceFace *face,
                                              float *matrix,
                                              size_t float_count,
                                              AnyfaceError **error);
 
-/// Number `V` of vertices of its mesh; 0 for NULL.
+/// Number `V` of vertices of the face's mesh; 0 for NULL.
 size_t anyface_face_vertex_count(const AnyfaceFace *face);
 
 /// Copies the 68 landmarks into the caller's buffers, each of which may be NULL.
 ///
 /// `positions`: `[68, 3]`, mesh units and axes, on the surface. `vertices`: `[68]`, the nearest
-/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks that the caller gave.
+/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks from the caller.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
 AnyfaceStatus anyface_face_copy_landmarks(const AnyfaceFace *face,
                                           float *positions,
@@ -1011,22 +1042,22 @@ AnyfaceStatus anyface_face_copy_landmarks(const AnyfaceFace *face,
                                           float *confidence,
                                           AnyfaceError **error);
 
-/// Number of connected parts of its mesh, seams sewn up; 0 for NULL.
+/// Number of connected parts of the face's mesh, after seams are joined; 0 for NULL.
 size_t anyface_face_part_count(const AnyfaceFace *face);
 
-/// Copies what each part is into the caller's buffers, each of which may be NULL.
+/// Copies the role of each part into the caller's buffers, each of which may be NULL.
 ///
 /// `roles`: one `AnyfacePartRole` for each of `anyface_face_part_count()` parts.
-/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
+/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no triangle.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
 AnyfaceStatus anyface_face_copy_parts(const AnyfaceFace *face,
                                       int32_t *roles,
                                       uint32_t *part_of_vertex,
                                       AnyfaceError **error);
 
-/// Writes the landmarks as a JSON file that `anyface animate --landmarks` reads too.
+/// Writes the landmarks to a JSON file, which `anyface animate --landmarks` can read too.
 ///
-/// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; then nothing is left of the file.
+/// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; no unfinished file is left.
 AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
                                            const char *path,
                                            AnyfaceError **error);
@@ -1034,53 +1065,61 @@ AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
 /// Frees a face that no running call uses; nothing happens for NULL.
 void anyface_face_free(AnyfaceFace *face);
 
-/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
-/// rest the surface stays the same. The jaw of the result is dropped by 20 mm once, to see that the lips
-/// part smoothly and alike on both sides. Long: accepts a progress handle, which may be NULL.
+/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind
+/// them. At rest the surface stays the same. As a trial, the jaw of the result drops once by 20 mm:
+/// the lips have to part smoothly and equally on both sides. Long: accepts a progress handle,
+/// which may be NULL.
 ///
-/// Whether there is anything to part says `anyface_face_mouth()`: `ANYFACE_MOUTH_WELDED`.
-/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_face_copy_landmarks()`.
+/// Call it if `anyface_face_mouth()` gives `ANYFACE_MOUTH_WELDED`.
+/// Free with `anyface_opened_face_free()`. Prepare the new mesh like any other, with the landmarks
+/// of `anyface_opened_face_copy_landmarks()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
-/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or they do not part well,
-/// `ANYFACE_STATUS_CANCELLED`.
+/// with `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or if they do
+/// not part well, and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_open_mouth(const AnyfaceEngine *engine,
                                  const AnyfaceFace *face,
                                  const AnyfaceProgress *progress,
                                  AnyfaceOpenedFace **out,
                                  AnyfaceError **error);
 
-/// Cuts free the eyes of a face that are one surface with their lids: the lids get a lining, the eyes become the fronts of
-/// balls. At rest the surface stays the same. The result blinks once, to see that lids shut over the whole eye.
-/// Long: accepts a progress handle, which may be NULL.
+/// Cuts free the eyes of a face that are one surface with their lids. The lids get a lining, and
+/// the eyes become the fronts of balls. At rest the surface stays the same. As a trial, the result
+/// blinks once: the lids have to cover the whole eye. Long: accepts a progress handle, which
+/// may be NULL.
 ///
-/// Whether there is such an eye says `anyface_face_lids()`: `ANYFACE_LIDS_JOINED`.
-/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_face_copy_landmarks()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one with its lids, `ANYFACE_STATUS_MESH` if no line leads
-/// around an eye or its lids do not shut well, `ANYFACE_STATUS_CANCELLED`.
+/// Call it if `anyface_face_lids()` gives `ANYFACE_LIDS_JOINED`.
+/// Free with `anyface_opened_face_free()`. Prepare the new mesh like any other, with the landmarks
+/// of `anyface_opened_face_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one surface with its lids, with
+/// `ANYFACE_STATUS_MESH` if no line leads around an eye or if its lids do not shut well, and with
+/// `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_open_eyes(const AnyfaceEngine *engine,
                                 const AnyfaceFace *face,
                                 const AnyfaceProgress *progress,
                                 AnyfaceOpenedFace **out,
                                 AnyfaceError **error);
 
-/// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
+/// Copies the new mesh: `V` vertices and `F` triangles. Free the copy with `anyface_mesh_free()`.
 AnyfaceStatus anyface_opened_face_mesh(const AnyfaceOpenedFace *opened,
                                        AnyfaceMesh **out,
                                        AnyfaceError **error);
 
-/// Number of the first triangle behind the cut that has the colour of what is before it: the inner sides of lips and lids,
-/// and the rest of eyeballs, up to `anyface_opened_face_first_inside_triangle()`; 0 for NULL.
+/// Number of the first lining triangle; 0 for NULL.
+///
+/// Triangles from this one up to `anyface_opened_face_first_inside_triangle()` lie behind the cut
+/// and have the colour of the surface in front of them: inner sides of lips and lids, and the rest
+/// of eyeballs.
 size_t anyface_opened_face_first_lining_triangle(const AnyfaceOpenedFace *opened);
 
-/// Number of the first triangle of the mouth's inside behind the lips, `F` where eyes were opened; 0 for NULL.
+/// Number of the first triangle of the inside of the mouth behind the lips. `F` if eyes were
+/// opened; 0 for NULL.
 size_t anyface_opened_face_first_inside_triangle(const AnyfaceOpenedFace *opened);
 
-/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices behind
-/// the cut take what lies before them at its rim.
+/// Copies the old vertices that each vertex is a mixture of, for vertex groups and shape keys.
+/// Vertices behind the cut take the mixture of the rim in front of them.
 ///
-/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
+/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, their shares, sum 1. `count`
+/// must be `V * 3`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_opened_face_copy_vertex_sources(const AnyfaceOpenedFace *opened,
                                                       uint32_t *vertices,
@@ -1088,12 +1127,12 @@ AnyfaceStatus anyface_opened_face_copy_vertex_sources(const AnyfaceOpenedFace *o
                                                       size_t count,
                                                       AnyfaceError **error);
 
-/// Copies which old triangle each triangle was cut from, for materials, and where in it its corners lie,
-/// for texture coordinates and normals.
+/// Copies the old triangle that each triangle was cut from, for materials, and where its corners
+/// lie in that old triangle, for texture coordinates and normals.
 ///
-/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares of the
-/// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
+/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares
+/// of the old triangle's three corners, sum 1. `triangle_count` must be `F`, and `share_count` must
+/// be `F * 9`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for other counts.
 AnyfaceStatus anyface_opened_face_copy_triangle_sources(const AnyfaceOpenedFace *opened,
                                                         uint32_t *triangles,
                                                         size_t triangle_count,
@@ -1101,7 +1140,8 @@ AnyfaceStatus anyface_opened_face_copy_triangle_sources(const AnyfaceOpenedFace 
                                                         size_t share_count,
                                                         AnyfaceError **error);
 
-/// Copies the landmarks of the new mesh, those of the inner lips, or of the lids, on their own rim.
+/// Copies the landmarks of the new mesh. Those of the inner lips, or of the lids, lie on their own
+/// rim.
 ///
 /// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
 AnyfaceStatus anyface_opened_face_copy_landmarks(const AnyfaceOpenedFace *opened,
@@ -1112,8 +1152,8 @@ AnyfaceStatus anyface_opened_face_copy_landmarks(const AnyfaceOpenedFace *opened
 /// Frees an opened face that no running call uses; nothing happens for NULL.
 void anyface_opened_face_free(AnyfaceOpenedFace *opened);
 
-/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
-/// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
+/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14). NULL if `index` is
+/// `ANYFACE_EMOTION_COUNT` or more. Lives as long as the library is loaded.
 const char *anyface_emotion_name(size_t index);
 
 /// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
@@ -1123,18 +1163,20 @@ const char *anyface_emotion_name(size_t index);
 /// whose sum is above 1.5.
 AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
-/// A word whose units are laid down, such as "smile" or "jaw drop", for a menu; NULL from the last one on. Lives as long
-/// as the library is loaded.
+/// A word with fixed units, such as "smile" or "jaw drop", for a menu. NULL after the last one.
+/// Lives as long as the library is loaded.
 const char *anyface_expression_word(size_t index);
 
-/// Reads what an expression asks of a face: units such as "12,6L", a word of `anyface_expression_word()` with a side
-/// anywhere, such as "left wink", or English words, such as "winks with the right eye". Behind it ":0.5" may give the
-/// strength, and a "!" puts it over the speech.
+/// Reads an expression: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// anywhere in it, such as "left wink", or English words, such as "winks with the right eye". It
+/// may end in a strength, ":0.5". A "!" lets it override the speech.
 ///
-/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
-/// reader; the last one is kept, and loaded at the first text that is neither a unit nor a word of the list.
-/// `text`: UTF-8. One that says nothing to a face has no units, and `anyface_expression_hint()` says why. Free with
-/// `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters,
+/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may use CLIP, or NULL
+/// for the built-in reader. The library keeps the reader of the last call. It loads the model at
+/// the first text that is neither a unit nor a word of the list.
+/// `text`: UTF-8. A text that describes no expression gives no units, and
+/// `anyface_expression_hint()` says why. Free with `anyface_expression_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters, and with
 /// `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 AnyfaceStatus anyface_expression_new(const char *weights_dir,
                                      const char *text,
@@ -1144,69 +1186,71 @@ AnyfaceStatus anyface_expression_new(const char *weights_dir,
 /// Number of units; 0 for NULL.
 size_t anyface_expression_unit_count(const AnyfaceExpression *expression);
 
-/// A unit as `AnyfaceEvent` takes it: "12", "45L". NULL from the count on, for NULL. Lives as long as the
-/// expression.
-const char *anyface_expression_unit(const AnyfaceExpression *expression,
-                                    size_t index);
+/// A unit in the form that `AnyfaceEvent` takes: "12", "45L". NULL if `index` is not below the
+/// count, and for NULL. Lives as long as the expression.
+const char *anyface_expression_unit(const AnyfaceExpression *expression, size_t index);
 
-/// How strongly the text asks for it, 0 to 2, 1 for a plain word; 0 without units, for NULL.
+/// How strong the expression is according to the text, 0 to 2; 1 for a plain word. 0 if there are
+/// no units, and for NULL.
 float anyface_expression_strength(const AnyfaceExpression *expression);
 
-/// 1 where a "!" puts it over the speech, otherwise 0.
+/// 1 if a "!" lets the expression override the speech, otherwise 0.
 int32_t anyface_expression_over_speech(const AnyfaceExpression *expression);
 
-/// The text without strength and "!"; NULL for NULL. Lives as long as the expression.
+/// The text without strength and "!". NULL for NULL. Lives as long as the expression.
 const char *anyface_expression_said(const AnyfaceExpression *expression);
 
-/// Why there are no units, with the nearest expression that would be understood where one is near, a sentence in English;
-/// NULL where there are some, for NULL. Lives as long as the expression.
+/// A sentence in English that says why there are no units. It suggests the nearest expression that
+/// would be understood, if one is near. NULL if there are units, and for NULL. Lives as long as the
+/// expression.
 const char *anyface_expression_hint(const AnyfaceExpression *expression);
 
 /// Frees an expression that no running call uses; nothing happens for NULL.
 void anyface_expression_free(AnyfaceExpression *expression);
 
-/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28"; NULL from the last one on.
-/// Lives as long as the library is loaded.
+/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28". NULL after the
+/// last one. Lives as long as the library is loaded.
 const char *anyface_action_unit_name(size_t index);
 
-/// What an action unit does, such as "lip corner puller", as `anyface_action_unit_name()`.
+/// What an action unit does, such as "lip corner puller". Index and lifetime are as in
+/// `anyface_action_unit_name()`.
 const char *anyface_action_unit_label(size_t index);
 
-/// Events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+/// Makes events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
 ///
 /// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a strength out of
-/// range; the message names the event, counted from 1.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a
+/// strength out of range; the message names the event, counted from 1.
 AnyfaceStatus anyface_events_new(const AnyfaceEvent *events,
                                  size_t event_count,
                                  AnyfaceEvents **out,
                                  AnyfaceError **error);
 
-/// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
-/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out, and `units` may be one
-/// expression, such as "left wink".
+/// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s":
+/// 2.0, "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two may be left
+/// out. `units` may also be one expression, such as "left wink".
 ///
-/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with `anyface_events_free()`. Fails as
-/// `anyface_events_from_text()` does.
+/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with
+/// `anyface_events_free()`. Fails like `anyface_events_from_text()`.
 AnyfaceStatus anyface_events_parse(const char *weights_dir,
                                    const char *json,
                                    AnyfaceEvents **out,
                                    AnyfaceError **error);
 
-/// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
-/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out. What stands behind the seconds is read as
-/// `anyface_expression_new()` reads it.
+/// Reads events from lines of text, as the command-line program does. A line holds seconds, units
+/// or words, and a strength: "1.2-2.0:smile:0.8" or "2.4-2.8:45L". The text after the seconds is
+/// read like that of `anyface_expression_new()`. Empty lines are skipped.
 ///
-/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
-/// `anyface_events_new()` does, and for words that say
-/// nothing to a face, with the nearest that do.
+/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with
+/// `anyface_events_free()`. Fails like `anyface_events_new()`, and for words that describe no
+/// expression; the message then suggests the nearest one that does.
 AnyfaceStatus anyface_events_from_text(const char *weights_dir,
                                        const char *text,
                                        AnyfaceEvents **out,
                                        AnyfaceError **error);
 
-/// The events as JSON that `anyface_events_parse()` reads: a list, each row with a list of units and all its fields. NULL
-/// for NULL. Lives as long as the events.
+/// The events as JSON that `anyface_events_parse()` can read: a list of rows, each with all fields
+/// and its units as a list. NULL for NULL. Lives as long as the events.
 const char *anyface_events_json(const AnyfaceEvents *events);
 
 /// Number of events; 0 for NULL.
@@ -1217,11 +1261,11 @@ void anyface_events_free(AnyfaceEvents *events);
 
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
 ///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
-/// version had.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `options` is NULL, or with
+/// `ANYFACE_STATUS_INVALID_INPUT` for a size that no version had.
 AnyfaceStatus anyface_motion_options_init(AnyfaceMotionOptions *options, size_t struct_size);
 
-/// Speech becomes motion. Long: accepts a progress handle.
+/// Turns speech into motion. Long: accepts a progress handle.
 ///
 /// `options` and `progress` may be NULL. Free with `anyface_motion_free()`.
 /// Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, `ANYFACE_STATUS_INVALID_INPUT`
@@ -1233,40 +1277,45 @@ AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
                                  AnyfaceMotion **out,
                                  AnyfaceError **error);
 
-/// The same speech with other controls, another emotion, or another seed of blinks and accents: nothing is
-/// heard or sampled again, which takes milliseconds.
+/// Performs the same speech with other controls, another emotion, or another seed of blinks and
+/// accents. It takes only milliseconds, because nothing is heard or sampled again.
 ///
-/// Style, frame rate and what else the system samples with stay those of `motion`; for weights that
-/// learned emotion themselves (the built-in ones did not) so does what they show of it. `options` may be NULL.
-/// Free with `anyface_motion_free()`; `motion` may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought, or an option out of
-/// range.
+/// Style, frame rate and everything else that the system samples with stay those of `motion`. If
+/// the models have learned emotion themselves (the built-in ones have not), the emotion that they
+/// show stays too. `options` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed
+/// first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
+/// redone or cut from another one, or for an option out of range.
 AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
                                        const AnyfaceMotion *motion,
                                        const AnyfaceMotionOptions *options,
                                        AnyfaceMotion **out,
                                        AnyfaceError **error);
 
-/// What is said in a motion alone, without what is felt: of the same sound, which is not heard again. The clip of `motion`
-/// less that of the result, by `anyface_clip_new_difference()`, is what is felt. Long: accepts a progress handle.
+/// Performs only the speech of a motion, without the emotion. The sound is the same and is not
+/// heard again. The clip of `motion` minus the clip of the result, by
+/// `anyface_clip_new_difference()`, is the emotion. Long: accepts a progress handle.
 ///
-/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
-/// see `anyface_system_hears_emotion()`; `ANYFACE_STATUS_CANCELLED`.
+/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
+/// redone or cut from another one, or for a system that does not separate emotion from speech (see
+/// `anyface_system_hears_emotion()`), and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_motion_new_content(const AnyfaceEngine *engine,
                                          const AnyfaceMotion *motion,
                                          const AnyfaceProgress *progress,
                                          AnyfaceMotion **out,
                                          AnyfaceError **error);
 
-/// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
-/// seed, emotion, controls or closures.
+/// Copies `motion` with one stretch replaced by that of `again`, which was made from the same sound
+/// in another way: with another seed, emotion, controls or closures.
 ///
-/// Frames at `start_s` and before, at `end_s` and after stay to the bit; within a tenth of a second, or a
-/// quarter of the stretch, the old motion becomes the new one, except at the ends of the sound. Head and eyes
-/// go along. Free with `anyface_motion_free()`; both may go before. The result cannot be performed again.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, motion of another kind or frame
-/// rate or length, or motion that the caller brought.
+/// Frames at or before `start_s` and at or after `end_s` stay the same bit for bit. At both ends of
+/// the stretch the old and the new motion are blended within a tenth of a second, or within a
+/// quarter of the stretch if that is less. An end at the start or end of the sound is not blended.
+/// Head, eyes and tongue are replaced too. Free with `anyface_motion_free()`; both motions may be
+/// freed first. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, for motion of another
+/// kind, frame rate or length, or for motion that the caller brought.
 AnyfaceStatus anyface_motion_new_redone(const AnyfaceMotion *motion,
                                         const AnyfaceMotion *again,
                                         double start_s,
@@ -1274,35 +1323,38 @@ AnyfaceStatus anyface_motion_new_redone(const AnyfaceMotion *motion,
                                         AnyfaceMotion **out,
                                         AnyfaceError **error);
 
-/// Some frames of a motion, with all that they have beside their landmarks. Head and eyes go along.
+/// Copies `count` frames of a motion from frame `first` on, including head, eyes and tongue.
 ///
-/// Free with `anyface_motion_free()`; `motion` may go before. The result cannot be performed again.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, or frames that the motion lacks.
+/// Free with `anyface_motion_free()`; `motion` may be freed first. The result cannot be performed
+/// again. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a count of 0, or for frames that the motion
+/// does not have.
 AnyfaceStatus anyface_motion_new_frames(const AnyfaceMotion *motion,
                                         size_t first,
                                         size_t count,
                                         AnyfaceMotion **out,
                                         AnyfaceError **error);
 
-/// Motion that the caller brings: from a tracker, or edited. The array is copied.
+/// Makes a motion from the caller's own displacements: from a tracker, or edited. The array is
+/// copied.
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
 /// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite or beyond 10 metres, or a frame
-/// rate out of range.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if there are no frames, if a value is not finite or
+/// beyond 10 metres, or if the frame rate is out of range.
 AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
                                                size_t frame_count,
                                                double fps,
                                                AnyfaceMotion **out,
                                                AnyfaceError **error);
 
-/// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
-/// `AnyfaceMotionOptions` takes. The array is copied.
+/// Makes a motion of one frame from the pose of a face whose vertices are displaced. Pass it as
+/// `starts_from` of `AnyfaceMotionOptions`. The array is copied.
 ///
-/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks are kept of it, and what
-/// the tongue does beside its jaw, where the face has one that moves by itself. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
-/// finite.
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. The pose keeps
+/// the landmarks. If the face has a tongue that moves by itself, it also keeps the tongue's motion
+/// relative to the jaw. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if `vertex_count` is not the face's number of
+/// vertices, or if a value is not finite.
 AnyfaceStatus anyface_motion_new_pose(const AnyfaceFace *face,
                                       const float *displacements,
                                       size_t vertex_count,
@@ -1315,28 +1367,32 @@ size_t anyface_motion_frame_count(const AnyfaceMotion *motion);
 /// Frames per second; 0 for NULL.
 double anyface_motion_fps(const AnyfaceMotion *motion);
 
-/// The emotion that was heard in the voice, as the JSON object that reports of the command have: `time_s`, seconds, and at
-/// each of them the `probability` of every emotion by name, the `intensity` that is shown, and `valence` and `arousal`, -1
-/// to 1, which are derived from the probabilities. NULL where the motion does not depend on it, or for NULL. Lives as long
-/// as the motion.
+/// The emotion that was heard in the voice, as JSON: the same object as in the command's reports.
+///
+/// `time_s` lists instants in seconds. For each instant there are the `probability` of every
+/// emotion by name, the `intensity` that is shown, and `valence` and `arousal`, -1 to 1, which are
+/// derived from the probabilities. NULL if the motion does not depend on the heard emotion, or for
+/// NULL. Lives as long as the motion.
 const char *anyface_motion_heard_emotion(const AnyfaceMotion *motion);
 
-/// Copies motion of landmarks into the caller's buffer.
+/// Copies the displacements of landmarks into the caller's buffer.
 ///
 /// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no
-/// landmarks.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or for motion of a system
+/// that moves no landmarks.
 AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
                                                 float *buffer,
                                                 size_t float_count,
                                                 AnyfaceError **error);
 
-/// Copies how far emotion is believed beside what is said in one frame, for each vertex of a face: where the face
-/// shows the one and where the other.
+/// Copies how much emotion counts compared with speech in one frame, for each vertex of a face. It
+/// shows where the face expresses emotion and where it speaks.
 ///
-/// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
-/// not spoken, or where the system of the engine or of the motion does not tell both apart: see
+/// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, and 0 at vertices that do not follow the skin;
+/// `float_count` must be `V`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, for a frame out of range,
+/// for a motion that the caller brought or that was redone or cut from another one, or if the
+/// system of the engine or of the motion does not separate emotion from speech: see
 /// `anyface_system_hears_emotion()`.
 AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
                                        const AnyfaceEngine *engine,
@@ -1346,44 +1402,55 @@ AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
                                        size_t float_count,
                                        AnyfaceError **error);
 
-/// Copies the rotation of the head into the caller's buffer; 0 throughout where nothing was spoken.
+/// Copies the rotation of the head into the caller's buffer. It is 0 throughout if the caller
+/// brought the motion.
 ///
-/// `buffer`: `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the
-/// jaw's hinges; about +x nods down, about +y turns to the subject's left, about +z tilts to the subject's
-/// right. `float_count` must be `T * 3`. The displacements do not hold it.
+/// `buffer`: `[T, 3]`, rotation vectors in radians about canonical axes. Their origin lies between
+/// the jaw's hinges. A rotation about +x nods down, one about +y turns to the subject's left, and
+/// one about +z tilts to the subject's right. `float_count` must be `T * 3`. The displacements do
+/// not include this rotation.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
 AnyfaceStatus anyface_motion_copy_head(const AnyfaceMotion *motion,
                                        float *buffer,
                                        size_t float_count,
                                        AnyfaceError **error);
 
-/// Copies the rotation of the eyes into the caller's buffer; 0 throughout where nothing was spoken.
+/// Copies the rotation of the eyes into the caller's buffer. It is 0 throughout if the caller
+/// brought the motion.
 ///
-/// `buffer`: `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up, radians against the
-/// head. `float_count` must be `T * 4`. The displacements of the lids follow it.
+/// `buffer`: `[T, 2, 2]`, right eye, then left eye. Each has yaw to the subject's left and pitch
+/// up, in radians relative to the head. `float_count` must be `T * 4`. The displacements of the
+/// lids already follow the eyes.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
 AnyfaceStatus anyface_motion_copy_gaze(const AnyfaceMotion *motion,
                                        float *buffer,
                                        size_t float_count,
                                        AnyfaceError **error);
 
-/// Copies what the tongue does into the caller's buffer: `[T, 4]`, shares of the way from rest to contact, 0 to 1: tip
-/// to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. `float_count` must be
-/// `T * 4`. Clips hold it where the face has a tongue that moves by itself.
+/// Copies the motion of the tongue into the caller's buffer.
+///
+/// `buffer`: `[T, 4]`, how far the tongue is from rest (0) to contact (1) at four places: tip to
+/// the ridge behind the upper teeth, middle to the palate, back to the palate, tip to the upper
+/// teeth. `float_count` must be `T * 4`. Clips include it if the face has a tongue that moves by
+/// itself.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
 AnyfaceStatus anyface_motion_copy_tongue(const AnyfaceMotion *motion,
                                          float *buffer,
                                          size_t float_count,
                                          AnyfaceError **error);
 
-/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]` as the functions that copy
-/// them give them. Motion of weights has `weights` `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have
-/// to meet, too; its landmarks are the mean face's.
+/// Writes the motion as npz for numpy.
 ///
-/// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
-/// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
-/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+/// The file has `landmark_displacements` `[T, 68, 3]`, canonical metres, and `fps`. Motion that was
+/// made from speech also has `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`, with the
+/// same values as the functions that copy them. Motion of weights also has `weights` `[T, S]`,
+/// their `names` `[S]` and `together` `[T]`, how far the lips have to meet. Its landmarks are those
+/// of the mean face.
+///
+/// `path`: UTF-8, ends in .npz. For motion of weights it may also end in .csv or .json, as
+/// `anyface_weights_write()` writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another
+/// ending, or with `ANYFACE_STATUS_IO` if the file cannot be written; in that case no file is left
+/// behind.
 AnyfaceStatus anyface_motion_write(const AnyfaceMotion *motion,
                                    const char *path,
                                    AnyfaceError **error);
@@ -1391,27 +1458,30 @@ AnyfaceStatus anyface_motion_write(const AnyfaceMotion *motion,
 /// Frees a motion that no running call uses; nothing happens for NULL.
 void anyface_motion_free(AnyfaceMotion *motion);
 
-/// Number `S` of shapes whose weights the system made, such as the 51 of ARKit that `cafe-talk` moves; 0 for a
-/// system that moves something else, for NULL.
+/// Number `S` of shapes whose weights the system made, such as the 51 ARKit shapes that `cafe-talk`
+/// moves. 0 if the system moves something else, or for NULL.
 size_t anyface_motion_weight_count(const AnyfaceMotion *motion);
 
-/// Name of a shape, ARKit's; NULL from the count on, for NULL. Lives as long as the motion.
+/// ARKit's name of a shape. NULL for NULL, or for a number that is not below the count. Lives as
+/// long as the motion.
 const char *anyface_motion_weight_name(const AnyfaceMotion *motion, size_t shape);
 
-/// Copies motion of weights into the caller's buffer: as the system made it, nothing is solved.
+/// Copies motion of weights into the caller's buffer, exactly as the system made it. Nothing is
+/// solved.
 ///
-/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must be `T * S`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no weights.
+/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must
+/// be `T * S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or for motion
+/// of a system that moves no weights.
 AnyfaceStatus anyface_motion_copy_weights(const AnyfaceMotion *motion,
                                           float *buffer,
                                           size_t float_count,
                                           AnyfaceError **error);
 
-/// Speech and a face become a clip: `anyface_motion_new()` and `anyface_clip_new()` in one. Long:
-/// accepts a progress handle.
+/// Makes a clip from speech and a face: `anyface_motion_new()` and `anyface_clip_new()` in one
+/// call. Long: accepts a progress handle.
 ///
 /// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
-/// Fails as those two do.
+/// Fails like those two functions.
 AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
                                      const AnyfaceFace *face,
                                      const AnyfaceAudio *audio,
@@ -1422,9 +1492,10 @@ AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
 
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
-/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
-/// do not fit: `anyface_clip_stream()` hands them over block by block.
+/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may be freed before.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` if memory cannot
+/// hold all frames at once. In that case use `anyface_clip_stream()`, which passes them on block by
+/// block.
 AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
                                const AnyfaceFace *face,
                                const AnyfaceMotion *motion,
@@ -1432,11 +1503,12 @@ AnyfaceStatus anyface_clip_new(const AnyfaceEngine *engine,
                                AnyfaceClip **out,
                                AnyfaceError **error);
 
-/// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
-/// and the result add up to `clip`.
+/// Subtracts another clip of the same face, for example to separate the emotion from the speech:
+/// `other` and the result add up to `clip`.
 ///
-/// It has no head and no eyes. Free with `anyface_clip_free()`; both may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` where frames, vertices or rates differ.
+/// The result has no tracks for head, gaze and tongue. Free with `anyface_clip_free()`; both clips
+/// may be freed before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if frame counts, vertex counts or frame rates differ.
 AnyfaceStatus anyface_clip_new_difference(const AnyfaceClip *clip,
                                           const AnyfaceClip *other,
                                           AnyfaceClip **out,
@@ -1452,10 +1524,10 @@ size_t anyface_clip_vertex_count(const AnyfaceClip *clip);
 double anyface_clip_fps(const AnyfaceClip *clip);
 
 /// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
-///
 float anyface_clip_largest_displacement(const AnyfaceClip *clip);
 
-/// What a viewer sees, an `AnyfaceVisibility`: tell the user where that is not the speech. -1 for NULL.
+/// How much of the clip a viewer can see, an `AnyfaceVisibility`; -1 for NULL. Warn the user if it
+/// is not `ANYFACE_VISIBILITY_SPEAKS`.
 int32_t anyface_clip_visibility(const AnyfaceClip *clip);
 
 /// Lends all displacements: `[T, V, 3]`, mesh units, added to the neutral positions.
@@ -1500,30 +1572,33 @@ AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
                                                        size_t float_count,
                                                        AnyfaceError **error);
 
-/// Writes the clip as a file whose kind follows from the end of its name.
+/// Writes the clip to a file in the format that the extension of `path` names.
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
-/// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
-/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
-/// displacements hold. .pc2 and .mdd: point caches of
-/// positions for Blender, Maya, Houdini and others. .glb: morph targets and their weights over time for browsers and
-/// engines, .usda: the same as blend shapes of USD; both of the mesh alone. `anyface_clip_write_shapes()` writes ARKit's shapes
-/// instead, and .vrma.
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. If the motion was made from
+/// speech, also `head` `[T, 3]` and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and
+/// `_gaze()` return them, and `tongue` `[T, 4]`, whose motion the displacements already contain.
+/// .pc2 and .mdd: point caches of positions for Blender, Maya, Houdini and others.
+/// .glb: morph targets and their weights over time for browsers and engines. .usda: the same as USD
+/// blend shapes. Both hold the mesh without materials and, if the motion was made from speech, the
+/// turns of the head. `anyface_clip_write_shapes()` writes ARKit's shapes instead, and .vrma.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
-/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another extension or another mesh, and with
+/// `ANYFACE_STATUS_IO` if the file cannot be written. On failure no unfinished file is left.
 AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
                                  const AnyfaceMesh *mesh,
                                  const char *path,
                                  AnyfaceError **error);
 
-/// Writes the clip on the shapes of its mesh as a file whose kind follows from the end of its name.
+/// Writes the clip as weights of the shapes of its mesh, in the format that the extension of `path`
+/// names.
 ///
-/// .glb and .usda: the 52 ARKit shapes of `rig` with weights over time that are solved for the clip. .vrma: a VRM animation, which
-/// moves any avatar: expressions of VRM and, under the names of Perfect Sync, ARKit's; the turns of the head, and where the
-/// eyes look. Anything else as `anyface_clip_write()` writes it. `rig`: that of the clip's mesh. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or the rig of another mesh, `ANYFACE_STATUS_IO` if the file
-/// cannot be written; then nothing is left of it.
+/// .glb and .usda: the 52 ARKit shapes of `rig` and their weights over time, solved for the clip.
+/// .vrma: a VRM animation for any avatar, with the expressions of VRM, those of ARKit under the
+/// names of Perfect Sync, the turns of the head and the gaze. Other formats are as in
+/// `anyface_clip_write()`. `rig`: the rig of the clip's mesh. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another extension or the rig of another mesh, and
+/// with `ANYFACE_STATUS_IO` if the file cannot be written. On failure no unfinished file is left.
 AnyfaceStatus anyface_clip_write_shapes(const AnyfaceClip *clip,
                                         const AnyfaceRig *rig,
                                         const char *path,
@@ -1532,14 +1607,15 @@ AnyfaceStatus anyface_clip_write_shapes(const AnyfaceClip *clip,
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
 
-/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
-/// no more memory than a few blocks. Long: accepts a progress handle.
+/// Puts motion on a face and passes the frames on as they are made, so that a clip of any length
+/// needs no more memory than a few blocks. Long: accepts a progress handle.
 ///
-/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
-/// gets every block. `progress` may be NULL. The frames are those of `anyface_clip_new()` but
-/// for the rounding of products of other sizes, a millionth of the largest displacement.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
-/// `take_frames` or the progress handle asks to stop.
+/// `frames_at_once`: frames in a block, at least 1; the last block may have fewer. `take_frames`:
+/// called with `user` for every block. `progress` may be NULL. The frames equal those of
+/// `anyface_clip_new()` up to a millionth of the largest displacement, because matrix products of
+/// another size round differently.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if `frames_at_once` is 0, and with
+/// `ANYFACE_STATUS_CANCELLED` if `take_frames` or the progress handle stops it.
 AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
                                   const AnyfaceFace *face,
                                   const AnyfaceMotion *motion,
@@ -1549,15 +1625,22 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
                                   const AnyfaceProgress *progress,
                                   AnyfaceError **error);
 
-/// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
-/// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it. Where the face has no tongue that moves by
-/// itself it is told as well, and what its mouth cannot show of speech: lips that do not meet in p, b, m, a lower lip that
-/// does not reach the upper teeth in f and v, lips that something hides. Long for a face that was never asked for its
-/// shapes: accepts a progress handle.
+/// Finds the parts of a motion and its events that nobody will see on this face. Long if the shapes
+/// of the face have not been made yet: accepts a progress handle.
 ///
-/// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
+/// There are sentences about:
+/// - events that start after the end of the sound;
+/// - units that this face cannot show, such as brows if it has none;
+/// - a mouth that cannot show all of speech: lips that hardly part, lips that do not meet in p, b
+///   and m, a lower lip that does not reach the upper teeth in f and v, lips that something hides;
+/// - a face without a tongue that can move by itself, if the motion moves the tongue;
+/// - a face that no head of the system's own model resembles, so that landmarks alone moved it.
+///   This is known only once a clip of this face was made.
+///
+/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. Free with
+/// `anyface_event_notes_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not made from speech,
+/// `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_event_notes_new(const AnyfaceEngine *engine,
                                       const AnyfaceFace *face,
                                       const AnyfaceMotion *motion,
@@ -1568,7 +1651,8 @@ AnyfaceStatus anyface_event_notes_new(const AnyfaceEngine *engine,
 /// Number of sentences; 0 for NULL.
 size_t anyface_event_notes_count(const AnyfaceEventNotes *notes);
 
-/// A sentence, UTF-8; NULL from the count on, for NULL. Lives as long as the notes.
+/// A sentence, UTF-8. NULL if `index` is not below the count, and for NULL. Lives as long as the
+/// notes.
 const char *anyface_event_notes_text(const AnyfaceEventNotes *notes, size_t index);
 
 /// Frees notes that no running call uses; nothing happens for NULL.
@@ -1577,10 +1661,10 @@ void anyface_event_notes_free(AnyfaceEventNotes *notes);
 /// Finds the fewest shapes that keep every vertex in every frame within `max_error` of its place.
 /// Accepts a progress handle.
 ///
-/// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1; where they do not suffice,
-/// `anyface_basis_max_error()` tells the error that is left. `progress` may be NULL. A clip that
-/// does not move has no shapes. Where the error allows, no more than 20 of them have a weight other
-/// than 0 in the same frame. Free with `anyface_basis_free()`; the clip may go before.
+/// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1. If this many shapes are too few,
+/// the error exceeds `max_error`; `anyface_basis_max_error()` returns it. `progress` may be NULL. A
+/// clip that does not move has no shapes. If the error allows it, at most 20 shapes have a weight
+/// other than 0 in any one frame. Free with `anyface_basis_free()`; the clip may be freed before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_basis_new(const AnyfaceEngine *engine,
                                 const AnyfaceClip *clip,
@@ -1593,7 +1677,7 @@ AnyfaceStatus anyface_basis_new(const AnyfaceEngine *engine,
 /// Number `K` of shapes; 0 for NULL.
 size_t anyface_basis_shape_count(const AnyfaceBasis *basis);
 
-/// Largest distance of any vertex in any frame from where the clip has it, mesh units; 0 for NULL.
+/// Largest distance of any vertex in any frame from its place in the clip, mesh units; 0 for NULL.
 float anyface_basis_max_error(const AnyfaceBasis *basis);
 
 /// Copies the shapes into the caller's buffer.
@@ -1614,15 +1698,16 @@ AnyfaceStatus anyface_basis_copy_weights(const AnyfaceBasis *basis,
                                          size_t float_count,
                                          AnyfaceError **error);
 
-/// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
+/// Frees a basis that no running call uses; nothing happens for NULL.
 void anyface_basis_free(AnyfaceBasis *basis);
 
-/// Finds what the sliders of a take change. Long: accepts a progress handle.
+/// Computes the changes that the sliders of a take make. Long: accepts a progress handle.
 ///
-/// `motion` is that of `anyface_motion_new()`, `clip` the same motion on `face`, and `basis` that clip
-/// as few shapes. Motion that the caller brought has no sliders. `progress` may be NULL. Free with
-/// `anyface_sliders_free()`; everything else may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion,
+/// `motion` comes from `anyface_motion_new()`, `clip` is the same motion on `face`, and `basis` is
+/// that clip reduced to a few shapes. Motion that the caller brought, or that was redone or cut,
+/// has no sliders. `progress` may be NULL. Free with `anyface_sliders_free()`; everything else may
+/// be freed first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion, and with
 /// `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_sliders_new(const AnyfaceEngine *engine,
                                   const AnyfaceFace *face,
@@ -1633,9 +1718,9 @@ AnyfaceStatus anyface_sliders_new(const AnyfaceEngine *engine,
                                   AnyfaceSliders **out,
                                   AnyfaceError **error);
 
-/// Number `N` of knots of an `AnyfaceSlider`; 0 where it moves nothing, for another number, for NULL.
-size_t anyface_sliders_knot_count(const AnyfaceSliders *sliders,
-                                  int32_t slider);
+/// Number `N` of knots of an `AnyfaceSlider`. 0 if it moves nothing, for an unknown slider, or for
+/// NULL.
+size_t anyface_sliders_knot_count(const AnyfaceSliders *sliders, int32_t slider);
 
 /// Copies the knots of an `AnyfaceSlider` into the caller's buffer.
 ///
@@ -1647,9 +1732,9 @@ AnyfaceStatus anyface_sliders_copy_knots(const AnyfaceSliders *sliders,
                                          size_t float_count,
                                          AnyfaceError **error);
 
-/// Copies what an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
+/// Copies the changes that an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
 ///
-/// `buffer`: `[N, T, K]`, in the weights of the basis; `float_count` must be `N * T * K`.
+/// `buffer`: `[N, T, K]`, changes of the basis's weights; `float_count` must be `N * T * K`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
 AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
                                            int32_t slider,
@@ -1660,14 +1745,14 @@ AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
 /// Frees sliders that no running call uses; nothing happens for NULL.
 void anyface_sliders_free(AnyfaceSliders *sliders);
 
-/// Finds few keys for weights of shapes, so that no vertex is farther than `tolerance` from its
+/// Fits few keys to the weights of shapes, so that no vertex is farther than `tolerance` from its
 /// place in any frame. Accepts a progress handle.
 ///
 /// `weights`: `[frame_count, curve_count]`. `shapes`: `[curve_count, vertex_count, 3]`,
 /// displacements at weight 1. `tolerance`: above 0, in the unit of the shapes. `touching`:
-/// `[frame_count]`, 1 where lips touch: there a tenth of the tolerance is left, and such a stretch
-/// begins and ends with a key on every curve that moves by more than the tolerance; may be NULL.
-/// `progress` may be NULL. Free with `anyface_curves_free()`.
+/// `[frame_count]`, 1 in frames where the lips touch; may be NULL. In these frames a tenth of the
+/// tolerance applies, and a run of them starts and ends with a key on every curve that moves the
+/// face by more than the tolerance. `progress` may be NULL. Free with `anyface_curves_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_curves_new(const float *weights,
                                  size_t frame_count,
@@ -1680,11 +1765,11 @@ AnyfaceStatus anyface_curves_new(const float *weights,
                                  AnyfaceCurves **out,
                                  AnyfaceError **error);
 
-/// Finds few keys for values of any kind, each column by itself.
+/// Fits few keys to values of any kind, each column by itself.
 ///
-/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each may be
-/// from its values in any frame, in their units. `touching`: `[frame_count]`, 1 for frames in which
-/// every curve has a key; may be NULL. Free with `anyface_curves_free()`.
+/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each curve
+/// may be from its values in any frame, in their unit. `touching`: `[frame_count]`, 1 for frames in
+/// which every curve has a key; may be NULL. Free with `anyface_curves_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
 AnyfaceStatus anyface_curves_new_each(const float *values,
                                       size_t frame_count,
@@ -1694,15 +1779,16 @@ AnyfaceStatus anyface_curves_new_each(const float *values,
                                       AnyfaceCurves **out,
                                       AnyfaceError **error);
 
-/// Number of keys of a curve; 0 for NULL and for a curve that there is not.
+/// Number of keys of a curve; 0 for NULL and for a curve that does not exist.
 size_t anyface_curves_key_count(const AnyfaceCurves *curves, size_t curve);
 
 /// Copies the keys of a curve.
 ///
-/// `frames`: the frame of each key, in rising order, the first and the last frame among them.
-/// `slopes`: the slope of its handles, per frame. Both have room for `key_count` values, which must
-/// be `anyface_curves_key_count()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that there is not and another `key_count`.
+/// `frames`: the frame of each key, in rising order, including the first and the last frame.
+/// `slopes`: the slope of each key's handles, per frame. Both buffers hold `key_count` values;
+/// `key_count` must be `anyface_curves_key_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that does not exist and another
+/// `key_count`.
 AnyfaceStatus anyface_curves_copy_keys(const AnyfaceCurves *curves,
                                        size_t curve,
                                        uint32_t *frames,
@@ -1713,11 +1799,11 @@ AnyfaceStatus anyface_curves_copy_keys(const AnyfaceCurves *curves,
 /// Frees curves that no running call uses; nothing happens for NULL.
 void anyface_curves_free(AnyfaceCurves *curves);
 
-/// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
-/// accepts a progress handle.
+/// Makes the shapes of a mesh with the engine's network. The landmarks come from the options, or
+/// else they are found on the mesh. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL; the options' controls have no effect. The mesh may be freed
-/// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+/// `options` and `progress` may be NULL. The options' controls have no effect. The mesh may be
+/// freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
 AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               const AnyfaceMesh *mesh,
                               const AnyfaceFaceOptions *options,
@@ -1725,12 +1811,13 @@ AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               AnyfaceRig **out,
                               AnyfaceError **error);
 
-/// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
-/// mesh; teeth, tongue, eyeballs and brows stay as they are there. Long: accepts a progress handle.
+/// Makes the shapes of `anyface_rig_new()`, but with the skin moved by a field: that of the head in
+/// FaceTalk's model that is most like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut"
+/// stay as `anyface_rig_new()` makes them. Long: accepts a progress handle.
 ///
-/// `in_betweens`: not 0 for ARKit's shapes at half their weight as well, "NAME_half" behind all others: the face at weight
-/// 0.5, which need not lie halfway. The rest as for `anyface_rig_new()`. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` where no head of the model is like the face.
+/// `in_betweens`: if not 0, one more shape "NAME_half" for each of ARKit's shapes follows at the
+/// end: the face at weight 0.5, which need not lie halfway. All else is as for `anyface_rig_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
 AnyfaceStatus anyface_rig_new_by_field(const AnyfaceEngine *engine,
                                        const AnyfaceMesh *mesh,
                                        const AnyfaceFaceOptions *options,
@@ -1739,16 +1826,16 @@ AnyfaceStatus anyface_rig_new_by_field(const AnyfaceEngine *engine,
                                        AnyfaceRig **out,
                                        AnyfaceError **error);
 
-/// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
+/// Number `S` of shapes. The 52 ARKit shapes come first. 0 for NULL.
 size_t anyface_rig_shape_count(const AnyfaceRig *rig);
 
-/// Name of a shape, such as "jawOpen" or "viseme_aa"; lives until the rig is freed. NULL for NULL or
-/// a number that is not below the count.
-const char *anyface_rig_shape_name(const AnyfaceRig *rig,
-                                   size_t shape);
+/// Name of a shape, such as "jawOpen" or "viseme_aa". It lives until the rig is freed. NULL for
+/// NULL or a number that is not below the count.
+const char *anyface_rig_shape_name(const AnyfaceRig *rig, size_t shape);
 
-/// Why a shape moves nothing, or what in it does not move, in words; lives until the rig is freed.
-/// NULL where there is nothing to say.
+/// Says in words why a shape moves nothing, or which part of it does not move. The text lives until
+/// the rig is freed. NULL if there is nothing to say, for NULL, or for a number that is not below
+/// the count.
 const char *anyface_rig_shape_note(const AnyfaceRig *rig, size_t shape);
 
 /// Copies one shape into the caller's buffer.
@@ -1762,14 +1849,16 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
                                      size_t float_count,
                                      AnyfaceError **error);
 
-/// Writes the rig as a file whose kind follows from the end of its name.
+/// Writes the rig as a file. The ending of its name sets the kind.
 ///
-/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes
-/// under the names of Perfect Sync. `source`: the file that the mesh was read from, or NULL; of a VRM (1.0 or 0) all else stays
-/// that it has, expressions of the same names become new ones. Other meshes stand on the fewest bones that VRM 1.0 allows.
-/// `path` and `source`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or a source with bones that is no VRM, `ANYFACE_STATUS_IO`
-/// if a file cannot be read or written; then nothing is left of it.
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's
+/// expressions, and the 52 ARKit shapes under the names of Perfect Sync.
+/// `source`: the file that the mesh was read from, or NULL. If it is a VRM (1.0 or 0), all else in
+/// it stays, and new expressions replace those of the same name. Any other mesh gets the smallest
+/// skeleton that VRM 1.0 allows. `path` and `source`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a source that has bones but
+/// is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
+/// file is left behind.
 AnyfaceStatus anyface_rig_write(const AnyfaceRig *rig,
                                 const char *source,
                                 const char *path,
@@ -1778,17 +1867,21 @@ AnyfaceStatus anyface_rig_write(const AnyfaceRig *rig,
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_rig_free(AnyfaceRig *rig);
 
-/// Finds the weights with which shapes come nearest to a motion: bounded least squares, few and smooth
-/// over time, left and right alike where little tells them apart; of shapes that undo each other, by name or by what they
-/// move, one at a time. Accepts a progress handle.
+/// Finds the weights with which shapes come nearest to a motion, by bounded least squares.
+///
+/// It uses few shapes at a time and keeps their weights smooth over time. Left and right weights are
+/// alike where the motion hardly tells them apart. Of shapes that undo each other, by name or by the
+/// motion they make, only one is used at a time. Accepts a progress handle.
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
-/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`: `[lip_pairs, 2]`,
-/// vertices of the upper and of the lower lip that meet, such as those of the landmarks 61 and 67, 62 and 66, 63 and 65: in
-/// frames that bring them together the shapes do so as well as they can; NULL with 0 for none. All are copied. `progress` may be NULL. Free with `anyface_weights_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
-/// moves, `ANYFACE_STATUS_CANCELLED`.
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`:
+/// `[lip_pairs, 2]`, an upper and a lower lip vertex that meet, such as those of the landmarks 61
+/// and 67, 62 and 66, 63 and 65. In frames whose motion brings them together, the shapes do so too,
+/// as well as they can. NULL with 0 for none. All arrays are copied. `progress` may be NULL. Free
+/// with `anyface_weights_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, for a lip vertex out
+/// of range, or if none of the shapes moves anything, and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_weights_new(const char *const *names,
                                   const float *shapes,
                                   size_t shape_count,
@@ -1801,12 +1894,15 @@ AnyfaceStatus anyface_weights_new(const char *const *names,
                                   AnyfaceWeights **out,
                                   AnyfaceError **error);
 
-/// The same of a clip, whose displacements stay in the library.
+/// Finds weights as `anyface_weights_new()` does, but for the motion of a clip, whose displacements
+/// stay in the library.
 ///
-/// `shapes`: `[shape_count, vertex_count, 3]`, of the clip's first `vertex_count` vertices; those behind are left out.
-/// `to_shapes`: `[3, 3]`, may be NULL; what leads displacements of the clip to the frame of the shapes. The rest as for
-/// `anyface_weights_new()`. The clip may go before the weights.
-/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices than the clip has.
+/// `shapes`: `[shape_count, vertex_count, 3]`, for the clip's first `vertex_count` vertices; later
+/// ones are left out. `to_shapes`: `[3, 3]`, row by row, the matrix that takes displacements of the
+/// clip to the axes and units of the shapes. NULL leaves them as they are. All else is as for
+/// `anyface_weights_new()`. The clip may be freed before the weights.
+/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices
+/// than the clip has.
 AnyfaceStatus anyface_weights_new_of_clip(const AnyfaceClip *clip,
                                           const char *const *names,
                                           const float *shapes,
@@ -1819,10 +1915,12 @@ AnyfaceStatus anyface_weights_new_of_clip(const AnyfaceClip *clip,
                                           AnyfaceWeights **out,
                                           AnyfaceError **error);
 
-/// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
+/// Takes the caller's own weights, such as those of `anyface_motion_copy_weights()`, so that they
+/// can be written as a file.
 ///
-/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
-/// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free
+/// with `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not
+/// finite.
 AnyfaceStatus anyface_weights_new_from_array(const char *const *names,
                                              const float *weights,
                                              size_t shape_count,
@@ -1839,16 +1937,16 @@ AnyfaceStatus anyface_weights_copy(const AnyfaceWeights *weights,
                                    size_t float_count,
                                    AnyfaceError **error);
 
-/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 where
-/// they show all of it, 1 where they show none. 0 for NULL and for a motion that does not move.
+/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 if
+/// they show all of it, 1 if they show none. 0 for NULL and for a motion that does not move.
 float anyface_weights_left_out(const AnyfaceWeights *weights);
 
-/// Writes the weights as a file whose kind follows from the end of its name.
+/// Writes the weights as a file. The ending of its name sets the kind.
 ///
-/// .csv as Live Link Face writes it: the 52 ARKit shapes, those that are not among the names with 0;
-/// `fps` must be at least 1. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, `ANYFACE_STATUS_IO`
-/// if the file cannot be written; then nothing is left of it.
+/// .csv, in the form of Live Link Face: the 52 ARKit shapes, with 0 for those that are not among
+/// the names. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8. `fps`: 1 to 240.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, or with
+/// `ANYFACE_STATUS_IO` if the file cannot be written; in that case no file is left behind.
 AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
                                     const char *path,
                                     double fps,
@@ -1857,13 +1955,16 @@ AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
 /// Frees weights that no running call uses; nothing happens for NULL.
 void anyface_weights_free(AnyfaceWeights *weights);
 
-/// A head from its numbers, or the random one of a seed.
+/// Makes a head from its numbers, or a random head from a seed.
 ///
-/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`: `[coefficient_count]`,
-/// which must be 100, for traits of 0, or `N` as of `anyface_head_coefficient_count()`, or NULL with 0 for the numbers of
-/// `seed`. Free with `anyface_head_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
-/// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// `weights_dir`: UTF-8, a folder of models that replace the built-in ones, or NULL.
+/// `coefficients`: `[coefficient_count]`; NULL with a count of 0 for a random head.
+/// `coefficient_count` is 100, which sets all traits to 0, or `N` from
+/// `anyface_head_coefficient_count()`. `seed`: of the random head; ignored if there are
+/// coefficients. Free with `anyface_head_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and
+/// heads far outside those that were learned, and with `ANYFACE_STATUS_WEIGHTS` or
+/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
 AnyfaceStatus anyface_head_new(const char *weights_dir,
                                const float *coefficients,
                                size_t coefficient_count,
@@ -1871,76 +1972,80 @@ AnyfaceStatus anyface_head_new(const char *weights_dir,
                                AnyfaceHead **out,
                                AnyfaceError **error);
 
-/// The head between two others: `share` 0 is `a`, 1 is `b`. Free with `anyface_head_free()`.
+/// Mixes two heads: a `share` of 0 gives `a`, 1 gives `b`. Free with `anyface_head_free()`.
 ///
-/// Both must be of the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share outside 0 to 1.
+/// Both must belong to the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share
+/// outside 0 to 1.
 AnyfaceStatus anyface_head_new_mixed(const AnyfaceHead *a,
                                      const AnyfaceHead *b,
                                      float share,
                                      AnyfaceHead **out,
                                      AnyfaceError **error);
 
-/// The same head with another value along one direction, -4 to 4; 0 is the average. Free with
-/// `anyface_head_free()`.
+/// Copies a head and sets one of its sliders, `direction`, to `value`, -4 to 4; 0 is the average.
+/// Free with `anyface_head_free()`.
 ///
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or number out of range.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or direction out of range.
 AnyfaceStatus anyface_head_new_along(const AnyfaceHead *head,
                                      size_t direction,
                                      float value,
                                      AnyfaceHead **out,
                                      AnyfaceError **error);
 
-/// The head that is most like a face at rest: a scan or a model of which the landmarks are known. Long: accepts a
-/// progress handle, which may be NULL. Free with `anyface_head_free()`.
+/// Fits a head to a face at rest, such as a scan or a model. Long: accepts a progress handle, which
+/// may be NULL. Free with `anyface_head_free()`.
 ///
-/// `weights_dir`: as in `anyface_head_new()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for fewer than 300 vertices on the
-/// face, and where it stays more than 3 mm away on average.
+/// `weights_dir`: as in `anyface_head_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the face has fewer than 300 vertices or stays more
+/// than 3 mm away from the head on average.
 AnyfaceStatus anyface_head_fit(const char *weights_dir,
                                const AnyfaceFace *face,
                                const AnyfaceProgress *progress,
                                AnyfaceHead **out,
                                AnyfaceError **error);
 
-/// How far the face lies from the head that was fitted to it, mean, millimetres on a head of human size; 0 for NULL and
-/// heads that were not fitted.
+/// Mean distance between a face and the head that was fitted to it, millimetres on a head of human
+/// size; 0 for NULL and heads that were not fitted.
 float anyface_head_fit_mm(const AnyfaceHead *head);
 
-/// How many numbers a head is, `N`: 100 coefficients and its traits; 0 for NULL.
+/// Number `N` of the numbers that describe a head: 100 coefficients and the traits; 0 for NULL.
 size_t anyface_head_coefficient_count(const AnyfaceHead *head);
 
-/// Copies the numbers. `buffer`: `[count]`; `count` must be `N`, or 100 for the coefficients alone.
+/// Copies the numbers of a head. `buffer`: `[count]`; `count` must be `N`, or 100 for the
+/// coefficients alone.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_coefficients(const AnyfaceHead *head,
                                              float *buffer,
                                              size_t count,
                                              AnyfaceError **error);
 
-/// Number `D` of sliders: traits such as age, then directions in which heads differ, the one that moves the surface
-/// furthest first; 0 for NULL.
+/// Number `D` of sliders; 0 for NULL. Traits such as age come first, then the directions in which
+/// heads differ, starting with the one that moves the surface furthest.
 size_t anyface_head_direction_count(const AnyfaceHead *head);
 
-/// What a slider changes most, such as "age" or "face width"; lives until the head is freed. NULL for NULL or a number
-/// that is not below the count.
-const char *anyface_head_direction_name(const AnyfaceHead *head,
-                                        size_t direction);
+/// What a slider changes most, such as "age" or "face width". Lives until the head is freed. NULL
+/// for NULL or if `direction` is not below the count.
+const char *anyface_head_direction_name(const AnyfaceHead *head, size_t direction);
 
-/// Copies where each slider stands. `buffer`: `[D]`; `count` must be `D`.
+/// Copies the value of each slider. `buffer`: `[D]`; `count` must be `D`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_directions(const AnyfaceHead *head,
                                            float *buffer,
                                            size_t count,
                                            AnyfaceError **error);
 
-/// The head as a mesh at rest, metres. Long where a `resolution` is asked for: accepts a progress handle, which may be
-/// NULL. Free with `anyface_mesh_free()`.
+/// Makes the mesh of a head at rest, metres. Long if `resolution` is not 0: accepts a progress
+/// handle, which may be NULL. Free with `anyface_mesh_free()`.
 ///
-/// `resolution`: 0 for clean quads, each as two triangles (`anyface_head_copy_faces()` has them whole); else the surface
-/// of the field, which knows no traits, with as many cells along the longest side of the grid, such as 128. `parts`: not
-/// 0 for eyes, teeth, tongue, lashes and brows beside the skin, whose vertices and triangles come first; the field has
-/// none. `skin_vertices`: may be NULL; how many of the vertices are skin. `landmark_vertices`: `[68]`, may be NULL; the
-/// vertices on which the landmarks lie.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB, and for one that is not 0
-/// with parts.
+/// `resolution`: 0 for clean quads, each cut into two triangles (`anyface_head_copy_faces()` has
+/// the quads). Otherwise the number of cells along the longest side of the grid for the surface of
+/// the field, such as 128; traits do not change that surface. `parts`: 0 for the skin alone,
+/// otherwise also eyes, teeth, tongue, lashes and brows, whose vertices and triangles follow those
+/// of the skin. The field has no such parts. `skin_vertices`: receives the number of vertices that
+/// are skin; may be NULL. `landmark_vertices`: `[68]`, receives the vertices on which the landmarks
+/// lie; may be NULL.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution from 1 to 31 or one that would take
+/// more than 1 GiB, and if both `resolution` and `parts` are not 0.
 AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
                                 size_t resolution,
                                 int32_t parts,
@@ -1950,27 +2055,30 @@ AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
                                 uint32_t *landmark_vertices,
                                 AnyfaceError **error);
 
-/// Number `F` of faces of the clean quads with their parts, those of the skin first; 0 for NULL.
+/// Number `F` of faces of the clean quads, including the parts; 0 for NULL. The faces of the skin
+/// come first.
 size_t anyface_head_face_count(const AnyfaceHead *head);
 
 /// Number `S` of faces of the skin; 0 for NULL.
 size_t anyface_head_skin_face_count(const AnyfaceHead *head);
 
-/// Copies the faces, four vertices each; the last of a triangle comes twice. `buffer`: `[F, 4]`; `count` must be `4 F`.
+/// Copies the faces, four vertices each. A triangle has its last vertex twice. `buffer`: `[F, 4]`;
+/// `count` must be `4 F`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_faces(const AnyfaceHead *head,
                                       uint32_t *buffer,
                                       size_t count,
                                       AnyfaceError **error);
 
-/// Copies the texture places of the corners of the skin's faces, (0, 0) to (1, 1) from the lower left. `buffer`:
-/// `[S, 4, 2]`; `count` must be `8 S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+/// Copies the texture coordinates at the corners of the skin's faces: (0, 0) at the lower left to
+/// (1, 1). `buffer`: `[S, 4, 2]`; `count` must be `8 S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_uv(const AnyfaceHead *head,
                                    float *buffer,
                                    size_t count,
                                    AnyfaceError **error);
 
-/// Copies the number of each face's material. `buffer`: `[F]`; `count` must be `F`.
+/// Copies the material number of each face. `buffer`: `[F]`; `count` must be `F`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_face_materials(const AnyfaceHead *head,
                                                uint32_t *buffer,
@@ -1980,37 +2088,36 @@ AnyfaceStatus anyface_head_copy_face_materials(const AnyfaceHead *head,
 /// Number `M` of materials; 0 for NULL.
 size_t anyface_head_material_count(const AnyfaceHead *head);
 
-/// What a material is, such as "skin" or "lips"; lives until the head is freed. NULL for NULL or a number that is not
-/// below the count.
-const char *anyface_head_material_name(const AnyfaceHead *head,
-                                       size_t material);
+/// Name of a material, such as "skin" or "lips". Lives until the head is freed. NULL for NULL or if
+/// `material` is not below the count.
+const char *anyface_head_material_name(const AnyfaceHead *head, size_t material);
 
 /// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_head_free(AnyfaceHead *head);
 
-/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
-/// needs the whole sound.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system
+/// that needs the whole sound.
 ///
-/// It may outlive the engine. Free with `anyface_stream_free()`.
+/// The stream may outlive the engine. Free with `anyface_stream_free()`.
 AnyfaceStatus anyface_stream_new(const AnyfaceEngine *engine,
                                  AnyfaceStream **out,
                                  AnyfaceError **error);
 
-/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+/// Takes sound and only stores it. An audio thread that may allocate can call it.
 ///
-/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
-/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
-/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, including 0.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, in which case none of them is
+/// taken, and with `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
 AnyfaceStatus anyface_stream_push(AnyfaceStream *stream,
                                   const float *samples,
                                   size_t sample_count,
                                   AnyfaceError **error);
 
-/// Computes the frames that are ready, as many as the buffer has room for.
+/// Computes the frames that are ready, at most as many as the buffer has room for.
 ///
-/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres; frame `t` of the
-/// stream, counted over all pulls, stands at `t / 25` seconds of the sound.
-/// `frame_count` receives how many were written; 0 where more sound is needed, or where the
+/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres. Frame `t` of the
+/// stream, counted over all pulls, is at `t / 25` seconds of the sound.
+/// `frame_count` receives the number of frames written. It is 0 if more sound is needed or the
 /// performance is over.
 AnyfaceStatus anyface_stream_pull(AnyfaceStream *stream,
                                   float *buffer,
@@ -2018,12 +2125,12 @@ AnyfaceStatus anyface_stream_pull(AnyfaceStream *stream,
                                   size_t *frame_count,
                                   AnyfaceError **error);
 
-/// Ends the sound: silence follows, and every frame that began can be pulled.
+/// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
 ///
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 AnyfaceStatus anyface_stream_finish(AnyfaceStream *stream, AnyfaceError **error);
 
-/// Emotion from the next frame on, that is the first one of the next pull.
+/// Sets the emotion from the next frame on, which is the first one of the next pull.
 ///
 /// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
@@ -2031,51 +2138,57 @@ AnyfaceStatus anyface_stream_set_emotion(AnyfaceStream *stream,
                                          const float *strengths,
                                          AnyfaceError **error);
 
-/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
-/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+/// Limits the look-ahead to `seconds`. Call it before the first sound.
+///
+/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
+/// 0 s ahead. Without this call a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
+/// the first sound.
 AnyfaceStatus anyface_stream_look_ahead(AnyfaceStream *stream,
                                         double seconds,
                                         AnyfaceError **error);
 
-/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
-AnyfaceStatus anyface_stream_hear_all(AnyfaceStream *stream,
-                                      AnyfaceError **error);
+/// Lets every sound move the face from the next frame on, including singing, music and noise.
+/// Before this call, only speech does.
+AnyfaceStatus anyface_stream_hear_all(AnyfaceStream *stream, AnyfaceError **error);
 
-/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+/// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 double anyface_stream_latency_s(const AnyfaceStream *stream);
 
 /// Frees a stream that no running call uses; nothing happens for NULL.
 void anyface_stream_free(AnyfaceStream *stream);
 
-/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
-/// needs the whole sound.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system
+/// that needs the whole sound.
 ///
-/// It may outlive the engine. Free with `anyface_weight_stream_free()`.
+/// The stream may outlive the engine. Free with `anyface_weight_stream_free()`.
 AnyfaceStatus anyface_weight_stream_new(const AnyfaceEngine *engine,
                                         AnyfaceWeightStream **out,
                                         AnyfaceError **error);
 
-/// Name of one of the `ANYFACE_LIVE_SHAPE_COUNT` shapes of a frame, such as "jawOpen", and behind them of its
-/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa"; NULL from the last one on. Lives as long as the library is loaded.
+/// Name of a shape or viseme of a frame. It lives as long as the library is loaded.
+///
+/// The `ANYFACE_LIVE_SHAPE_COUNT` shapes, such as "jawOpen", come first. The
+/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa", follow. NULL beyond the last viseme.
 const char *anyface_weight_stream_name(size_t index);
 
-/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+/// Takes sound and only stores it. An audio thread that may allocate can call it.
 ///
-/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
-/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
-/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, including 0.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, in which case none of them is
+/// taken, and with `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
 AnyfaceStatus anyface_weight_stream_push(AnyfaceWeightStream *stream,
                                          const float *samples,
                                          size_t sample_count,
                                          AnyfaceError **error);
 
-/// Computes the next frame where it is ready; frame `t` stands at `t / 25` seconds of the sound.
+/// Computes the next frame if it is ready. Frame `t` is at `t / 25` seconds of the sound.
 ///
-/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of `anyface_weight_stream_name()`.
-/// `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, 0 to 1, in the same order. `head`: `[3]`, rotation vector in
-/// radians: x to the subject's left, y up, z to the front.
-/// `is_ready` receives 1, or 0 where more sound is needed or the performance is over; then nothing else is written.
+/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of
+/// `anyface_weight_stream_name()`. `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, their weights, 0 to 1,
+/// in the same order. `head`: `[3]`, rotation vector in radians: x to the subject's left, y up, z
+/// to the front. `is_ready` receives 1 for a frame. It receives 0 if more sound is needed or the
+/// performance is over; then nothing else is written.
 AnyfaceStatus anyface_weight_stream_pull(AnyfaceWeightStream *stream,
                                          float *shapes,
                                          float *visemes,
@@ -2083,12 +2196,12 @@ AnyfaceStatus anyface_weight_stream_pull(AnyfaceWeightStream *stream,
                                          int32_t *is_ready,
                                          AnyfaceError **error);
 
-/// Ends the sound: silence follows, and every frame that began can be pulled.
+/// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
 ///
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 AnyfaceStatus anyface_weight_stream_finish(AnyfaceWeightStream *stream, AnyfaceError **error);
 
-/// Emotion from the next frame on.
+/// Sets the emotion from the next frame on.
 ///
 /// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
@@ -2096,22 +2209,25 @@ AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
                                                 const float *strengths,
                                                 AnyfaceError **error);
 
-/// Shows the emotion that is heard in what is pushed from now on, three times a second anew, until
-/// `anyface_weight_stream_set_emotion()` sets one.
+/// Shows the emotion that is heard in the sound pushed from now on. It is updated three times a
+/// second, until `anyface_weight_stream_set_emotion()` sets an emotion.
 AnyfaceStatus anyface_weight_stream_hear_emotion(AnyfaceWeightStream *stream, AnyfaceError **error);
 
-/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
-/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+/// Limits the look-ahead to `seconds`. Call it before the first sound.
+///
+/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
+/// 0 s ahead. Without this call a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
+/// the first sound.
 AnyfaceStatus anyface_weight_stream_look_ahead(AnyfaceWeightStream *stream,
                                                double seconds,
                                                AnyfaceError **error);
 
-/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
-AnyfaceStatus anyface_weight_stream_hear_all(AnyfaceWeightStream *stream,
-                                             AnyfaceError **error);
+/// Lets every sound move the face from the next frame on, including singing, music and noise.
+/// Before this call, only speech does.
+AnyfaceStatus anyface_weight_stream_hear_all(AnyfaceWeightStream *stream, AnyfaceError **error);
 
-/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+/// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);
 
 /// Frees a stream that no running call uses; nothing happens for NULL.

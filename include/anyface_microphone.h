@@ -19,35 +19,34 @@ typedef struct AnyfaceMicrophone AnyfaceMicrophone;
 extern "C" {
 #endif // __cplusplus
 
-/// Records the device of that name, of which a part is enough, or the system's choice for NULL. The system may ask its
-/// user first. A device that goes away is waited for.
+/// Records the device called `name`, or the system's default device if `name` is NULL. Part of a
+/// name is enough if no other device has it. The system may first ask the user for permission. If
+/// the device goes away, recording resumes when it is back.
 ///
-/// Returns NULL where nothing can be recorded; `message`, of `message_size` bytes, then says why. Close with
-/// `anyface_microphone_close()`.
-AnyfaceMicrophone *anyface_microphone_open(const char *name,
-                                           char *message,
-                                           size_t message_size);
+/// Returns NULL if nothing can be recorded; `message`, of `message_size` bytes, then receives the
+/// reason. Close with `anyface_microphone_close()`.
+AnyfaceMicrophone *anyface_microphone_open(const char *name, char *message, size_t message_size);
 
-/// Name of the device that is recorded, written into `name` of `name_size` bytes. Returns the bytes that the whole name needs.
-size_t anyface_microphone_name(const AnyfaceMicrophone *microphone,
-                               char *name,
-                               size_t name_size);
+/// Writes the name of the recorded device into `name`, of `name_size` bytes. Returns how many bytes
+/// the whole name needs, with the closing zero.
+size_t anyface_microphone_name(const AnyfaceMicrophone *microphone, char *name, size_t name_size);
 
-/// Takes what has come, at once: at most `sample_count` samples into `samples`, mono, 16 kHz, -1 to 1. Returns how many.
+/// Reads the sound that has arrived, without waiting. Writes at most `sample_count` samples, mono,
+/// 16 kHz, -1 to 1, into `samples`. Returns how many it wrote.
 ///
-/// `is_lost`, which may be NULL, receives 1 where they are silence in place of a device that is gone, else 0.
+/// `is_lost`, which may be NULL, receives 1 if the samples are silence because the device is gone,
+/// else 0.
 size_t anyface_microphone_read(AnyfaceMicrophone *microphone,
                                float *samples,
                                size_t sample_count,
                                int32_t *is_lost);
 
-/// Ends recording; nothing happens for NULL.
+/// Ends recording. Does nothing if `microphone` is NULL.
 void anyface_microphone_close(AnyfaceMicrophone *microphone);
 
-/// Names of the devices that record, a line each, the system's choice first, written into `names` of `names_size` bytes.
-/// Returns the bytes that all names need, with the closing zero.
-size_t anyface_microphone_devices(char *names,
-                                  size_t names_size);
+/// Writes the names of the recording devices into `names`, of `names_size` bytes: one a line, the
+/// system's default device first. Returns how many bytes all names need, with the closing zero.
+size_t anyface_microphone_devices(char *names, size_t names_size);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -1,4 +1,4 @@
-//! Names the code that what is kept of a mesh was made by, so that it never outlives it.
+//! Puts a hash of the per-mesh code into the library. A cached face never outlives its code.
 
 #[path = "build/sources.rs"]
 mod sources;

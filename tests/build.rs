@@ -1,4 +1,4 @@
-//! Finds the tools that some tests need: without them those tests count as ignored, not as passed.
+//! Finds the tools that some tests need. Without them those tests count as ignored, not as passed.
 
 use std::{env, path::PathBuf};
 
@@ -8,7 +8,7 @@ fn main() {
         let cfg = format!("has_{}", tool.replace('-', "_"));
         println!("cargo::rustc-check-cfg=cfg({cfg})");
         let place = find(tool);
-        // A path that is missing makes cargo look again next time.
+        // A missing path makes cargo run this script again next time.
         let watched = place
             .clone()
             .unwrap_or_else(|| PathBuf::from("/usr/bin").join(tool));

@@ -1,4 +1,4 @@
-//! What crates.io takes of each crate, and what it shows of it.
+//! Checks what crates.io requires of each crate and what it shows of it.
 
 use std::{
     collections::BTreeMap,
@@ -10,11 +10,11 @@ use std::{
 
 use serde_json::Value;
 
-/// Bytes of a packed crate that crates.io takes.
+/// The largest packed crate that crates.io accepts, in bytes.
 const CRATES_IO_BYTES: u64 = 10_485_760;
-/// Words by which crates.io finds a crate, at most.
+/// The most keywords that crates.io accepts for a crate.
 const KEYWORDS: usize = 5;
-/// The crates that are published; all others say `publish = false`.
+/// The crates that are published. All others say `publish = false`.
 const PUBLISHED: [&str; 8] = [
     "anyface",
     "anyface-cli",
@@ -47,7 +47,7 @@ fn packages() -> BTreeMap<String, Value> {
     named.collect()
 }
 
-/// Packs every published crate once, as `cargo publish` does; returns the folder of the archives.
+/// Packs every published crate once, as `cargo publish` does. Returns the folder of the archives.
 fn packed() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
@@ -107,7 +107,7 @@ fn every_published_crate_describes_itself() {
         Value::Array(items) => !items.is_empty(),
         value => value.as_str().is_some_and(|text| !text.is_empty()),
     };
-    // The address is written down once, for all crates, when there is one.
+    // All crates have the same repository address, or none has one.
     let addresses: Vec<&Value> = PUBLISHED
         .iter()
         .map(|name| &packages[*name]["repository"])
@@ -134,7 +134,8 @@ fn every_published_crate_describes_itself() {
     }
 }
 
-/// Whoever builds from crates.io gets the dependency from there, of a version that fits.
+/// A build from crates.io fetches its dependencies there too, so each must be published and have a
+/// version.
 #[test]
 fn published_crates_need_published_ones_of_a_version() {
     let packages = packages();
@@ -154,7 +155,7 @@ fn published_crates_need_published_ones_of_a_version() {
     }
 }
 
-/// Whoever builds a host compiles weights without running anything.
+/// Building a host compiles the weights without running any code of theirs.
 #[test]
 fn no_crate_of_weights_has_a_build_script() {
     let weights = root().join("weights");

@@ -1,4 +1,5 @@
-//! What documents and comments name must exist: paths of sources, and names in the code.
+//! Checks that the source paths in documents and comments exist, and the names of code in
+//! documents.
 
 use std::{
     collections::HashSet,
@@ -10,7 +11,7 @@ const ENDINGS: [&str; 5] = ["rs", "py", "md", "h", "c"];
 /// Folders that hold no sources of this project.
 const SKIPPED: [&str; 3] = ["target", "runs", "demo-output"];
 
-/// Every source and document under `folder`.
+/// Adds every source and document under `folder` to `paths`.
 fn files(folder: &Path, paths: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
         let path = entry.path();
@@ -24,7 +25,7 @@ fn files(folder: &Path, paths: &mut Vec<PathBuf>) {
     }
 }
 
-/// Path and text of every source and document.
+/// The path and text of every source and document.
 fn texts() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut paths = Vec::new();
@@ -34,7 +35,7 @@ fn texts() -> Vec<(String, String)> {
     paths.iter().map(read).collect()
 }
 
-/// What stands between single backticks, within a line, outside of fenced blocks.
+/// The text between single backticks on one line, outside fenced blocks.
 fn quoted(text: &str) -> impl Iterator<Item = &str> {
     let prose = text.split("```").step_by(2);
     let lines = prose.flat_map(str::lines);

@@ -1,8 +1,10 @@
-//! No file imports itself through others, and the folders of the library stand in the order of their imports.
+//! Checks that no file imports itself through others, and that the folders of the library import
+//! only folders that ARCHITECTURE.md lists above them.
 //!
-//! A file imports another where it names something that the other defines, in a `use` or by a path. A `pub use` is
-//! a signpost: it imports nothing by itself, and whoever takes a name from it imports the file that defines the
-//! name, as the signpost's own file does where it uses the name besides. Tests, comments and texts do not count.
+//! A file imports another if it names something that the other defines, in a `use` or by a path. A
+//! `pub use` is a signpost and imports nothing by itself: a file that takes a name from it imports
+//! the file that defines the name. The signpost's own file imports it too if it also uses the name
+//! elsewhere. Tests, comments and string literals do not count.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -16,7 +18,7 @@ use syn::{
     visit::{self, Visit},
 };
 
-/// Folders of sources, each with a root of its own.
+/// Source folders of the crates, each with its own root module.
 const CRATES: [&str; 6] = [
     "rust-core/src",
     "cli/src",
@@ -29,23 +31,23 @@ const CRATES: [&str; 6] = [
 /// Names of modules from the root of a crate.
 type Module = Vec<String>;
 
-/// A name that a file takes from somewhere.
+/// A name that a file imports with `use`.
 struct Import {
     path: Module,
-    /// What it is called in the file.
+    /// Its name in the file.
     name: String,
     is_signpost: bool,
 }
 
-/// What one file says.
+/// The imports and paths of one file.
 #[derive(Default)]
 struct Source {
     imports: Vec<Import>,
-    /// Paths that stand in the code itself.
+    /// Paths in the code outside of every `use`.
     paths: Vec<Module>,
     /// Words of all paths outside of every `use`.
     words: BTreeSet<String>,
-    /// Modules below it that only tests have.
+    /// Child modules that are compiled only for tests.
     of_tests: BTreeSet<String>,
 }
 
@@ -63,7 +65,7 @@ impl Source {
         }
     }
 
-    /// The paths of a macro's arguments, whatever these are.
+    /// Adds the paths in a macro's arguments, whatever their syntax.
     fn add_tokens(&mut self, tokens: TokenStream) {
         let mut path = Module::new();
         let mut goes_on = false;
@@ -86,7 +88,7 @@ impl Source {
         self.add_path(path);
     }
 
-    /// The names of a `use`.
+    /// Adds the names that a `use` imports.
     fn add_names(&mut self, tree: &UseTree, before: &[String], is_signpost: bool) {
         let below = |name: &Ident| [before, &[name.to_string()]].concat();
         let (path, name) = match tree {
@@ -102,7 +104,7 @@ impl Source {
             UseTree::Name(name) if name.ident == "self" => (before.to_vec(), None),
             UseTree::Name(name) => (below(&name.ident), None),
             UseTree::Rename(rename) => (below(&rename.ident), Some(rename.rename.to_string())),
-            // None of ours is taken so.
+            // None of our own modules is imported with a glob.
             UseTree::Glob(_) => return,
         };
         let name = name.or_else(|| path.last().cloned()).unwrap_or_default();
@@ -160,7 +162,7 @@ fn root() -> PathBuf {
     path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The sources of one crate by their modules.
+/// The sources of one crate by module.
 struct Crate {
     sources: BTreeMap<Module, Source>,
 }
@@ -207,7 +209,8 @@ impl Crate {
         }
     }
 
-    /// A path of a file from the root of the crate; `None` where it leads elsewhere.
+    /// Turns a path in the file `of` into one from the root of the crate. `None` if it leads out of
+    /// the crate.
     fn absolute(&self, of: &Module, path: &[String]) -> Option<Module> {
         let mut at = of.clone();
         let mut rest = path;
@@ -236,7 +239,7 @@ impl Crate {
         Some([at.as_slice(), rest].concat())
     }
 
-    /// The file that defines what an absolute path names.
+    /// Finds the file that defines the item at an absolute path.
     fn file_of(&self, path: &[String], depth: usize) -> Option<Module> {
         let mut at = Vec::new();
         for (i, step) in path.iter().enumerate() {
@@ -245,7 +248,7 @@ impl Crate {
                 at = below;
                 continue;
             }
-            // A signpost leads on, what is no signpost is defined here.
+            // An import of this name leads on. Without one, the name is defined here.
             let named = self.sources.get(&at)?.imports.iter();
             let mut named = named.filter(|import| import.name == *step && depth < 8);
             let next = named.find_map(|import| self.absolute(&at, &import.path));
@@ -279,7 +282,7 @@ impl Crate {
         self.sources.iter().map(of_file).collect()
     }
 
-    /// Groups of files each of which imports itself through the others of its group.
+    /// Groups of files that import each other in a circle, as text.
     fn circles(&self) -> Vec<String> {
         let imports = self.imports();
         let reached = |from: &Module| {
@@ -346,7 +349,7 @@ fn the_tree_of_the_architecture_lists_every_folder_of_the_library() {
 fn folders_of_the_library_import_only_those_above_them() {
     let mut floors = floors();
     floors.insert(0, "error".to_owned());
-    // Names in the library's root are of no floor.
+    // The library's root belongs to no floor.
     let floor = |file: &Module| floors.iter().position(|name| Some(name) == file.first());
     let mut upwards = Vec::new();
     for (file, others) in Crate::read(CRATES[0]).imports() {

@@ -1,4 +1,5 @@
-//! THIRD-PARTY.md lists every crate that is linked into what is handed out, under a licence that we accept.
+//! Checks that THIRD-PARTY.md lists every crate that is linked into our releases, under a licence
+//! that we accept.
 
 use std::{
     collections::BTreeMap,
@@ -29,7 +30,8 @@ fn listed() -> BTreeMap<Release, String> {
         .collect()
 }
 
-/// The crates of others that the command and the C library link on this system, with their licences.
+/// The third-party crates that the command and the C library link on this system, with their
+/// licences.
 fn linked() -> BTreeMap<Release, String> {
     let mut tree = Command::new(env!("CARGO"));
     tree.current_dir(root()).args([
@@ -50,7 +52,7 @@ fn linked() -> BTreeMap<Release, String> {
     let lines = text.lines().filter_map(|line| line.split_once('|'));
     let releases = lines.filter_map(|(package, licence)| {
         let (name, rest) = package.split_once(" v")?;
-        // Our own crates are followed by their folder.
+        // After our own crates, `cargo tree` prints their folder.
         let of_others = !rest.contains(['/', '\\']);
         let version = rest.split(' ').next()?;
         of_others.then(|| ((name.into(), version.into()), licence.into()))
@@ -58,7 +60,7 @@ fn linked() -> BTreeMap<Release, String> {
     releases.collect()
 }
 
-/// The licences of packaging/about.toml.
+/// The licences that packaging/about.toml accepts.
 fn accepted() -> Vec<String> {
     let text = read("packaging/about.toml");
     let list = text
@@ -80,7 +82,7 @@ fn is_acceptable(expression: &str, accepted: &[String]) -> bool {
         .replace('/', " OR ")
         .replace('(', " ( ")
         .replace(')', " ) ");
-    // An exception makes another licence of it.
+    // A licence with an exception counts as a different licence.
     let joined = spaced.replace(" WITH ", "+");
     let mut words = joined.split_whitespace().peekable();
     any_of(&mut words, accepted) && words.next().is_none()
@@ -128,7 +130,7 @@ fn every_linked_crate_is_listed_with_its_version() {
     }
 }
 
-/// Which holds for crates of other systems too, whose releases `cargo tree` cannot tell here.
+/// This also covers crates for other systems, whose releases `cargo tree` cannot list here.
 #[test]
 fn every_listed_crate_is_that_of_the_lock_file() {
     let lock = read("Cargo.lock").replace("\r\n", "\n");
@@ -151,7 +153,8 @@ fn every_licence_is_accepted() {
     }
 }
 
-/// Another release whose files differ is listed as its manifest says, and somebody has to read them.
+/// If the licence files of a new release differ, the list shows the licence of its manifest. This
+/// test then fails, and somebody has to read the files.
 #[test]
 fn what_a_manifest_leaves_out_is_listed() {
     let (config, listed) = (read("packaging/about.toml"), listed());
@@ -175,7 +178,7 @@ fn what_a_manifest_leaves_out_is_listed() {
     assert!(clarified > 0);
 }
 
-/// MPL-2.0 asks that whoever receives the program learns where the source is.
+/// MPL-2.0 demands that everyone who receives the program learns where the source is.
 #[test]
 fn the_source_of_crates_under_the_mozilla_licence_is_named() {
     let text = read("THIRD-PARTY.md");

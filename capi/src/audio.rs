@@ -14,7 +14,7 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
+/// A sound, stored as mono at 16 kHz. It never changes once it is made: any number of threads may
 /// use it at the same time.
 pub struct AnyfaceAudio(pub(crate) Waveform, Option<CString>);
 
@@ -24,12 +24,13 @@ impl From<Waveform> for AnyfaceAudio {
     }
 }
 
-/// A sound from samples in memory, which are copied.
+/// Makes a sound from samples in memory, which are copied.
 ///
-/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; channels are averaged.
+/// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; the channels are
+/// averaged.
 /// `sample_rate_hz`: 4000 to 384000. Free with `anyface_audio_free()`.
-/// Fails with `ANYFACE_STATUS_AUDIO` for no samples, samples that are not finite, no channels or a
-/// rate out of range.
+/// Fails with `ANYFACE_STATUS_AUDIO` if there are no samples or no channels, a sample is not finite
+/// or the rate is out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_new(
     samples: *const f32,
@@ -48,13 +49,13 @@ pub unsafe extern "C" fn anyface_audio_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// A sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
+/// Reads a sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
 ///
-/// `path`: UTF-8. Free with `anyface_audio_free()`. Ask `anyface_audio_warning()` whether something of
-/// the sound is missing because the file is damaged.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_AUDIO` if it cannot
-/// be decoded, holds no sound, or is damaged so that more than a fifth of it is missing;
-/// `anyface_audio_read_damaged()` takes what is left.
+/// `path`: UTF-8. Free with `anyface_audio_free()`. If the file is damaged,
+/// `anyface_audio_warning()` says how much of the sound is missing.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with `ANYFACE_STATUS_AUDIO` if it
+/// cannot be decoded, holds no sound, or is so damaged that more than a fifth of the sound is
+/// missing. `anyface_audio_read_damaged()` reads such a file anyway.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_read(
     path: *const c_char,
@@ -64,7 +65,7 @@ pub unsafe extern "C" fn anyface_audio_read(
     unsafe { read(path, false, out, error) }
 }
 
-/// As `anyface_audio_read()`, however much is missing.
+/// Like `anyface_audio_read()`, but accepts a damaged file however much of its sound is missing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_read_damaged(
     path: *const c_char,
@@ -91,21 +92,22 @@ unsafe fn read(
     unsafe { guard::give(out, error, make) }
 }
 
-/// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
-/// is, and for NULL.
+/// A sentence in English that says how much of a sound is missing because its file is damaged. NULL
+/// if nothing is missing, and for NULL.
 ///
-/// The text lives as long as the sound; a part of a sound has none.
+/// The text lives as long as the sound. A sound from `anyface_audio_trim()` has no warning.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_warning(audio: *const AnyfaceAudio) -> *const c_char {
     pointer::lend(unsafe { audio.as_ref() }.and_then(|audio| audio.1.as_ref()))
 }
 
-/// A part of a sound, copied.
+/// Copies a part of a sound into a new one.
 ///
-/// `start_s`, `duration_s`: seconds, not negative; what lies past the end is left out.
+/// `start_s`, `duration_s`: seconds, not negative. The part ends at the end of the sound at the
+/// latest.
 /// Free with `anyface_audio_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite,
-/// `ANYFACE_STATUS_AUDIO` if nothing is left.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that are negative or not finite, and with
+/// `ANYFACE_STATUS_AUDIO` if the part has no samples.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_trim(
     audio: *const AnyfaceAudio,
@@ -173,7 +175,8 @@ pub unsafe extern "C" fn anyface_audio_duration_s(audio: *const AnyfaceAudio) ->
     unsafe { audio.as_ref() }.map_or(0.0, |audio| audio.0.duration_s())
 }
 
-/// Largest magnitude of any sample; 0 for silence and for NULL. Below 0.001 counts as silence.
+/// Largest magnitude of any sample; 0 for NULL. A sound whose peak is below 0.001 counts as
+/// silence.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_peak(audio: *const AnyfaceAudio) -> f32 {
     guard::guard_or(0.0, || {

@@ -1,4 +1,4 @@
-//! A clip as a few shapes with weights over time: small enough for shape keys.
+//! Reduces a clip to shapes with weights over time, few enough for shape keys.
 
 use anyface::deform::compression::{VertexBasis, compress};
 
@@ -12,12 +12,12 @@ use crate::{
 };
 
 /// `K` shapes and their weights in every frame: `displacement[t] = sum over k of weight[t][k] *
-/// shape[k]`. Weights lie within -1 and 1. Never changes after it was made: any number of threads
-/// may use it at the same time.
+/// shape[k]`. Weights lie within -1 and 1. The basis never changes once it is made: any number
+/// of threads may use it at the same time.
 pub struct AnyfaceBasis(pub(crate) VertexBasis);
 
 impl AnyfaceBasis {
-    /// Both arrays in one piece.
+    /// Makes both arrays contiguous.
     fn new(mut basis: VertexBasis) -> Self {
         if !basis.shapes.is_standard_layout() {
             basis.shapes = basis.shapes.as_standard_layout().into_owned();
@@ -42,10 +42,10 @@ impl AnyfaceBasis {
 /// Finds the fewest shapes that keep every vertex in every frame within `max_error` of its place.
 /// Accepts a progress handle.
 ///
-/// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1; where they do not suffice,
-/// `anyface_basis_max_error()` tells the error that is left. `progress` may be NULL. A clip that
-/// does not move has no shapes. Where the error allows, no more than 20 of them have a weight other
-/// than 0 in the same frame. Free with `anyface_basis_free()`; the clip may go before.
+/// `max_error`: mesh units, 0 or more. `max_shapes`: at least 1. If this many shapes are too few,
+/// the error exceeds `max_error`; `anyface_basis_max_error()` returns it. `progress` may be NULL. A
+/// clip that does not move has no shapes. If the error allows it, at most 20 shapes have a weight
+/// other than 0 in any one frame. Free with `anyface_basis_free()`; the clip may be freed before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range, `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_new(
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn anyface_basis_shape_count(basis: *const AnyfaceBasis) -
     unsafe { basis.as_ref() }.map_or(0, |basis| basis.0.shapes.len_of(ndarray::Axis(0)))
 }
 
-/// Largest distance of any vertex in any frame from where the clip has it, mesh units; 0 for NULL.
+/// Largest distance of any vertex in any frame from its place in the clip, mesh units; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_max_error(basis: *const AnyfaceBasis) -> f32 {
     unsafe { basis.as_ref() }.map_or(0.0, |basis| basis.0.max_error)
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn anyface_basis_copy_weights(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
-/// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.
+/// Frees a basis that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_basis_free(basis: *mut AnyfaceBasis) {
     unsafe { guard::free(basis) }
@@ -128,7 +128,7 @@ mod tests {
     use ndarray::{Array3, Axis};
     use std::ptr::null_mut;
 
-    /// 20 frames of 30 vertices that swing in two ways.
+    /// 20 frames of 30 vertices, which two shapes can reproduce.
     fn clip() -> AnyfaceClip {
         let swing = |(t, v, c): (usize, usize, usize)| {
             let (t, v) = (t as f32, (3 * v + c) as f32);
@@ -146,7 +146,7 @@ mod tests {
         AnyfaceClip::new(animation, 1.0, Visibility::Speaks)
     }
 
-    /// Asks for a basis of at most 16 shapes.
+    /// Requests a basis of at most 16 shapes.
     fn ask(
         clip: &AnyfaceClip,
         max_error: f32,

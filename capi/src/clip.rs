@@ -1,4 +1,4 @@
-//! A finished performance on one mesh.
+//! The finished animation of one mesh.
 
 use std::{borrow::Cow, ptr::null};
 
@@ -28,31 +28,31 @@ use crate::{
     versioned_options,
 };
 
-/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
-/// changes after it was made: any number of threads may read it at the same time.
+/// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. They
+/// never change once they are made: any number of threads may read them at the same time.
 pub struct AnyfaceClip {
     pub(crate) animation: Animation,
     /// Largest displacement of any vertex, mesh units.
     largest: f32,
     visibility: Visibility,
-    /// Head and eyes, where the motion was spoken.
+    /// Head, gaze and tongue, if the motion was made from speech.
     life: Option<Life>,
 }
 
-/// What a viewer sees of a clip.
+/// How much of a clip a viewer can see.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceVisibility {
-    /// The mouth speaks, or was asked to rest.
+    /// The mouth speaks, or the options told it to rest.
     Speaks = 0,
-    /// Lids and brows move, the lips do not: there is likely no speech in the sound.
+    /// Lids and brows move but the lips do not: the sound probably contains no speech.
     LipsRest = 1,
     /// Nothing moves.
     Nothing = 2,
 }
 
 impl AnyfaceClip {
-    /// Both arrays in one piece, so that pointers into them can be lent.
+    /// Makes both arrays contiguous, so that pointers into them can be lent.
     pub(crate) fn new(mut animation: Animation, largest: f32, visibility: Visibility) -> Self {
         let vertices = &mut animation.vertices.displacements;
         if !vertices.is_standard_layout() {
@@ -70,7 +70,8 @@ impl AnyfaceClip {
         }
     }
 
-    /// Puts motion, and the tongue beside it, on a face; `performance` is where they come from, where they were spoken.
+    /// Puts motion and the motion of the tongue on a face. `performance`: their source, if they
+    /// were made from speech.
     fn spread(
         engine: &AnyfaceEngine,
         face: &Face,
@@ -84,7 +85,7 @@ impl AnyfaceClip {
         let moved = engine.0.spread(face, movement, &mut collector, watch)?;
         let mm = 1000.0 * face.metres_per_unit() as f32;
         let lips_mm = mm * lip_travel(moved.landmarks.view());
-        // Motion that the caller brought may let the lips rest.
+        // In motion that the caller supplied, the lips may rest on purpose.
         let articulation = performance.map_or(0.0, Performance::articulation);
         let visibility = Visibility::of(mm * moved.largest, lips_mm, articulation);
         let life = performance.map(|performance| performance.life.clone());
@@ -158,8 +159,8 @@ impl AnyfaceClip {
     }
 }
 
-/// The motion that a face shows: landmarks that something else made lead the system's own motion where it has a model
-/// for that.
+/// The motion that a face shows. If landmarks come from elsewhere and the system has a model that
+/// follows them, this is the system's own motion.
 pub(crate) fn followed<'a>(
     engine: &AnyfaceEngine,
     face: &Face,
@@ -175,11 +176,11 @@ pub(crate) fn followed<'a>(
     }
 }
 
-/// Speech and a face become a clip: `anyface_motion_new()` and `anyface_clip_new()` in one. Long:
-/// accepts a progress handle.
+/// Makes a clip from speech and a face: `anyface_motion_new()` and `anyface_clip_new()` in one
+/// call. Long: accepts a progress handle.
 ///
 /// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
-/// Fails as those two do.
+/// Fails like those two functions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_animate(
     engine: *const AnyfaceEngine,
@@ -211,9 +212,10 @@ pub unsafe extern "C" fn anyface_engine_animate(
 
 /// Puts motion on a face. Long: accepts a progress handle.
 ///
-/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may go before.
-/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` where all frames at once
-/// do not fit: `anyface_clip_stream()` hands them over block by block.
+/// `progress` may be NULL. Free with `anyface_clip_free()`; face and motion may be freed before.
+/// Fails with `ANYFACE_STATUS_CANCELLED`, and with `ANYFACE_STATUS_OUT_OF_MEMORY` if memory cannot
+/// hold all frames at once. In that case use `anyface_clip_stream()`, which passes them on block by
+/// block.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_new(
     engine: *const AnyfaceEngine,
@@ -240,11 +242,12 @@ pub unsafe extern "C" fn anyface_clip_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
-/// and the result add up to `clip`.
+/// Subtracts another clip of the same face, for example to separate the emotion from the speech:
+/// `other` and the result add up to `clip`.
 ///
-/// It has no head and no eyes. Free with `anyface_clip_free()`; both may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` where frames, vertices or rates differ.
+/// The result has no tracks for head, gaze and tongue. Free with `anyface_clip_free()`; both clips
+/// may be freed before.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if frame counts, vertex counts or frame rates differ.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_new_difference(
     clip: *const AnyfaceClip,
@@ -278,13 +281,13 @@ pub unsafe extern "C" fn anyface_clip_fps(clip: *const AnyfaceClip) -> f64 {
 }
 
 /// Length of the largest displacement of any vertex in any frame, mesh units; 0 for NULL.
-///
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_largest_displacement(clip: *const AnyfaceClip) -> f32 {
     unsafe { clip.as_ref() }.map_or(0.0, |clip| clip.largest)
 }
 
-/// What a viewer sees, an `AnyfaceVisibility`: tell the user where that is not the speech. -1 for NULL.
+/// How much of the clip a viewer can see, an `AnyfaceVisibility`; -1 for NULL. Warn the user if it
+/// is not `ANYFACE_VISIBILITY_SPEAKS`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_visibility(clip: *const AnyfaceClip) -> i32 {
     let code = |clip: &AnyfaceClip| match clip.visibility {
@@ -367,18 +370,19 @@ pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
-/// Writes the clip as a file whose kind follows from the end of its name.
+/// Writes the clip to a file in the format that the extension of `path` names.
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
-/// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
-/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
-/// displacements hold. .pc2 and .mdd: point caches of
-/// positions for Blender, Maya, Houdini and others. .glb: morph targets and their weights over time for browsers and
-/// engines, .usda: the same as blend shapes of USD; both of the mesh alone. `anyface_clip_write_shapes()` writes ARKit's shapes
-/// instead, and .vrma.
+/// `landmark_displacements` `[T, 68, 3]`, mesh units, and `fps`. If the motion was made from
+/// speech, also `head` `[T, 3]` and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and
+/// `_gaze()` return them, and `tongue` `[T, 4]`, whose motion the displacements already contain.
+/// .pc2 and .mdd: point caches of positions for Blender, Maya, Houdini and others.
+/// .glb: morph targets and their weights over time for browsers and engines. .usda: the same as USD
+/// blend shapes. Both hold the mesh without materials and, if the motion was made from speech, the
+/// turns of the head. `anyface_clip_write_shapes()` writes ARKit's shapes instead, and .vrma.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
-/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another extension or another mesh, and with
+/// `ANYFACE_STATUS_IO` if the file cannot be written. On failure no unfinished file is left.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_write(
     clip: *const AnyfaceClip,
@@ -395,13 +399,15 @@ pub unsafe extern "C" fn anyface_clip_write(
     unsafe { guard::guard(error, work) }
 }
 
-/// Writes the clip on the shapes of its mesh as a file whose kind follows from the end of its name.
+/// Writes the clip as weights of the shapes of its mesh, in the format that the extension of `path`
+/// names.
 ///
-/// .glb and .usda: the 52 ARKit shapes of `rig` with weights over time that are solved for the clip. .vrma: a VRM animation, which
-/// moves any avatar: expressions of VRM and, under the names of Perfect Sync, ARKit's; the turns of the head, and where the
-/// eyes look. Anything else as `anyface_clip_write()` writes it. `rig`: that of the clip's mesh. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or the rig of another mesh, `ANYFACE_STATUS_IO` if the file
-/// cannot be written; then nothing is left of it.
+/// .glb and .usda: the 52 ARKit shapes of `rig` and their weights over time, solved for the clip.
+/// .vrma: a VRM animation for any avatar, with the expressions of VRM, those of ARKit under the
+/// names of Perfect Sync, the turns of the head and the gaze. Other formats are as in
+/// `anyface_clip_write()`. `rig`: the rig of the clip's mesh. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another extension or the rig of another mesh, and
+/// with `ANYFACE_STATUS_IO` if the file cannot be written. On failure no unfinished file is left.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_write_shapes(
     clip: *const AnyfaceClip,
@@ -431,7 +437,7 @@ mod tests {
     use anyface::deform::VertexClip;
     use ndarray::Array3;
 
-    /// Two frames of three vertices; the arrays arrive transposed in memory.
+    /// Two frames of three vertices. The input arrays are transposed in memory.
     fn clip() -> AnyfaceClip {
         let values = |(t, v, c): (usize, usize, usize)| (100 * t + 10 * v + c) as f32;
         let transposed = |rows: usize| {

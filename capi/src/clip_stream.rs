@@ -1,4 +1,4 @@
-//! Frames of a clip as they are made, for clips that no memory holds.
+//! Passes on the frames of a clip as they are made, for clips too large for memory.
 
 use anyface::{
     Error,
@@ -20,12 +20,12 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
+/// Receives frames in order. A result other than 0 ends the job with `ANYFACE_STATUS_CANCELLED`.
 ///
-/// `first_frame`: number of the first of them. `displacements`: `[frame_count, V, 3]`, mesh units, added to
-/// the neutral positions; valid during this call alone.
-/// Called from a thread of the library, which may differ from the one that started the job and from
-/// call to call; never twice at the same time. It must not throw or longjmp.
+/// `first_frame`: number of the first frame of the block. `displacements`: `[frame_count, V, 3]`,
+/// mesh units, added to the neutral positions; valid only during this call.
+/// The library calls it from one of its threads, which may differ from the thread that started the
+/// job and from call to call, but never from two at the same time. It must not throw or longjmp.
 pub type AnyfaceFramesFn = Option<
     unsafe extern "C" fn(
         user: *mut c_void,
@@ -44,8 +44,8 @@ struct HostSink {
     next_frame: usize,
 }
 
-// The caller vouches for `user` and the function: the header says that they are used from the
-// library's threads.
+// The caller makes sure that `user` and the function allow this: the header says that the library
+// uses them from its own threads.
 unsafe impl Send for HostSink {}
 
 impl FrameSink for HostSink {
@@ -73,14 +73,15 @@ impl FrameSink for HostSink {
     }
 }
 
-/// Puts motion on a face and hands the frames over as they are made, so that a clip of any length needs
-/// no more memory than a few blocks. Long: accepts a progress handle.
+/// Puts motion on a face and passes the frames on as they are made, so that a clip of any length
+/// needs no more memory than a few blocks. Long: accepts a progress handle.
 ///
-/// `frames_at_once`: frames of a block, at least 1; the last may have fewer. `take_frames`, with `user`:
-/// gets every block. `progress` may be NULL. The frames are those of `anyface_clip_new()` but
-/// for the rounding of products of other sizes, a millionth of the largest displacement.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames at once, `ANYFACE_STATUS_CANCELLED` where
-/// `take_frames` or the progress handle asks to stop.
+/// `frames_at_once`: frames in a block, at least 1; the last block may have fewer. `take_frames`:
+/// called with `user` for every block. `progress` may be NULL. The frames equal those of
+/// `anyface_clip_new()` up to a millionth of the largest displacement, because matrix products of
+/// another size round differently.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if `frames_at_once` is 0, and with
+/// `ANYFACE_STATUS_CANCELLED` if `take_frames` or the progress handle stops it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_clip_stream(
     engine: *const AnyfaceEngine,

@@ -1,34 +1,35 @@
-//! What a caller sets the controls of a system to.
+//! The values that a caller gives to the controls of a system.
 
 use anyface::conditions::{ControlCurve, Controls};
 use libc::c_char;
 
 use crate::{error::Failure, pointer};
 
-/// What one control is set to; `anyface_system_control()` lists the controls.
+/// The value of one control; `anyface_system_control()` lists the controls.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct AnyfaceControlSetting {
     /// Its name, such as "articulation", UTF-8.
     pub name: *const c_char,
-    /// Its value, within the control's range; of a choice the number of the name.
+    /// Its value, within the control's range. For a choice, the number of the chosen name.
     pub value: f32,
     /// Must be 0.
     pub reserved: u32,
-    /// `[key_count]` seconds, rising, at which the control has the values of `key_values`: linear in
-    /// between, held outside. NULL where it does not change over time.
+    /// `[key_count]`: times in seconds, rising, at which the control has the values of
+    /// `key_values`. It changes linearly between keys and keeps the first or last value outside
+    /// them. NULL if it does not change over time.
     pub key_times_s: *const f64,
-    /// `[key_count]`, within the control's range; NULL where it does not change over time.
+    /// `[key_count]`, within the control's range; NULL if it does not change over time.
     pub key_values: *const f64,
-    /// Number of keys; 0 where the control does not change over time.
+    /// Number of keys; 0 if the control does not change over time.
     pub key_count: usize,
 }
 
-/// Controls by name; their ranges are checked where they are used.
+/// Reads controls by name. Their ranges are checked later, when they are used.
 ///
 /// # Safety
-/// `settings` is NULL or valid for reads of `count` settings, whose pointers are NULL or as their fields
-/// say.
+/// `settings` is NULL or valid for reads of `count` settings. Their pointers are NULL or meet the
+/// documentation of their fields.
 pub(crate) unsafe fn read(
     settings: *const AnyfaceControlSetting,
     count: usize,

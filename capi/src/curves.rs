@@ -1,4 +1,4 @@
-//! Weights over time as few Bézier keys.
+//! Reduces weights over time to a few Bézier keys.
 
 use anyface::curves::{Curve, FaceFit, Key, fit_each, on_face};
 use ndarray::{ArrayView2, ArrayView3};
@@ -10,23 +10,23 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// `K` curves with few keys each. Never changes after it was made: any number of threads may use it
-/// at the same time.
+/// `K` curves with few keys each. They never change once they are made: any number of threads may
+/// use them at the same time.
 ///
-/// A curve passes through the values at its keys. Between keys `n` frames apart it is a Bézier
-/// segment whose handles lie `0.39 * n` frames beside them, along the slope of the key.
+/// A curve passes through the values at its keys. Between two keys `n` frames apart it is a Bézier
+/// segment. Each of its handles lies `0.39 * n` frames from its key, along that key's slope.
 pub struct AnyfaceCurves(FaceFit);
 
 const _: () = guard::shared_by_threads::<AnyfaceCurves>();
 
-/// Finds few keys for weights of shapes, so that no vertex is farther than `tolerance` from its
+/// Fits few keys to the weights of shapes, so that no vertex is farther than `tolerance` from its
 /// place in any frame. Accepts a progress handle.
 ///
 /// `weights`: `[frame_count, curve_count]`. `shapes`: `[curve_count, vertex_count, 3]`,
 /// displacements at weight 1. `tolerance`: above 0, in the unit of the shapes. `touching`:
-/// `[frame_count]`, 1 where lips touch: there a tenth of the tolerance is left, and such a stretch
-/// begins and ends with a key on every curve that moves by more than the tolerance; may be NULL.
-/// `progress` may be NULL. Free with `anyface_curves_free()`.
+/// `[frame_count]`, 1 in frames where the lips touch; may be NULL. In these frames a tenth of the
+/// tolerance applies, and a run of them starts and ends with a key on every curve that moves the
+/// face by more than the tolerance. `progress` may be NULL. Free with `anyface_curves_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_curves_new(
@@ -57,11 +57,11 @@ pub unsafe extern "C" fn anyface_curves_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Finds few keys for values of any kind, each column by itself.
+/// Fits few keys to values of any kind, each column by itself.
 ///
-/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each may be
-/// from its values in any frame, in their units. `touching`: `[frame_count]`, 1 for frames in which
-/// every curve has a key; may be NULL. Free with `anyface_curves_free()`.
+/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each curve
+/// may be from its values in any frame, in their unit. `touching`: `[frame_count]`, 1 for frames in
+/// which every curve has a key; may be NULL. Free with `anyface_curves_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_curves_new_each(
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn anyface_curves_new_each(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number of keys of a curve; 0 for NULL and for a curve that there is not.
+/// Number of keys of a curve; 0 for NULL and for a curve that does not exist.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_curves_key_count(
     curves: *const AnyfaceCurves,
@@ -106,10 +106,11 @@ pub unsafe extern "C" fn anyface_curves_key_count(
 
 /// Copies the keys of a curve.
 ///
-/// `frames`: the frame of each key, in rising order, the first and the last frame among them.
-/// `slopes`: the slope of its handles, per frame. Both have room for `key_count` values, which must
-/// be `anyface_curves_key_count()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that there is not and another `key_count`.
+/// `frames`: the frame of each key, in rising order, including the first and the last frame.
+/// `slopes`: the slope of each key's handles, per frame. Both buffers hold `key_count` values;
+/// `key_count` must be `anyface_curves_key_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that does not exist and another
+/// `key_count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_curves_copy_keys(
     curves: *const AnyfaceCurves,
@@ -141,7 +142,7 @@ pub unsafe extern "C" fn anyface_curves_free(curves: *mut AnyfaceCurves) {
     unsafe { guard::free(curves) }
 }
 
-/// Which frames are marked; none for NULL.
+/// Reads which frames are marked; for NULL none is.
 ///
 /// # Safety
 /// `touching` is NULL or valid for reads of `frame_count` values.

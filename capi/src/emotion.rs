@@ -14,7 +14,7 @@ use crate::{
 
 static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| EMOTIONS.map(pointer::c_text).into());
 
-/// The emotion of `[ANYFACE_EMOTION_COUNT]` strengths.
+/// Reads an emotion from its strengths, `[ANYFACE_EMOTION_COUNT]`.
 pub(crate) unsafe fn of_strengths(strengths: *const f32) -> Result<Emotion, Failure> {
     let row = unsafe { pointer::slice("strengths", strengths, 1, ANYFACE_EMOTION_COUNT) }?;
     let row = row
@@ -23,8 +23,8 @@ pub(crate) unsafe fn of_strengths(strengths: *const f32) -> Result<Emotion, Fail
     Ok(Emotion::from_strengths(*row)?)
 }
 
-/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
-/// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
+/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14). NULL if `index` is
+/// `ANYFACE_EMOTION_COUNT` or more. Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_emotion_name(index: usize) -> *const c_char {
     guard::guard_or(null(), || pointer::lend(NAMES.get(index)))

@@ -17,7 +17,7 @@ pub struct AnyfaceEngine(pub(crate) Engine);
 
 const _: () = guard::shared_by_threads::<AnyfaceEngine>();
 
-/// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
+/// Where results that depend only on the mesh are kept between runs; for `AnyfaceEngineOptions`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceCache {
@@ -29,7 +29,7 @@ pub enum AnyfaceCache {
     Folder = 2,
 }
 
-/// How an engine is set up; prepare it with `anyface_engine_options_init()`.
+/// Options of an engine; prepare them with `anyface_engine_options_init()`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct AnyfaceEngineOptions {
@@ -45,14 +45,15 @@ pub struct AnyfaceEngineOptions {
     pub cache_dir: *const c_char,
     /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
     pub cache: i32,
-    /// Worker threads; 0, the default, takes one for each core. The result does not depend on it.
+    /// Worker threads; 0, the default, for one per core. The result does not depend on this number.
     pub threads: u32,
-    /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
-    /// the first.
+    /// Name of the system that turns speech into motion, from `anyface_system_name()`, UTF-8; NULL,
+    /// the default, for the first.
     pub system: *const c_char,
-    /// Folder of Whisper base (`openai/whisper-base`), or of a classifier of emotions on HuBERT or wav2vec2
-    /// (`config.json` with labels, weights), that hears emotions instead of the built-in ear where the emotion is that of
-    /// the voice, UTF-8; NULL, the default, for the built-in one.
+    /// Folder of a model that replaces the built-in recognition of emotions wherever the emotion is
+    /// taken from the voice, UTF-8: Whisper base (`openai/whisper-base`) or an emotion classifier
+    /// on HuBERT or wav2vec2 (`config.json` with labels, weights). NULL, the default, for the
+    /// built-in one.
     pub emotion_model_dir: *const c_char,
 }
 
@@ -113,11 +114,11 @@ pub unsafe extern "C" fn anyface_engine_options_init(
     unsafe { versioned_options::init(options, struct_size) }
 }
 
-/// Loads the weights; takes some tenths of a second, so keep the engine.
+/// Loads the weights. This takes some tenths of a second, so keep the engine.
 ///
 /// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
 /// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
-/// config, `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
+/// config, and with `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_new(
     options: *const AnyfaceEngineOptions,
@@ -132,12 +133,13 @@ pub unsafe extern "C" fn anyface_engine_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Most memory that motion on a mesh takes at a time, bytes, as far as that is known before the work starts: within 40 %
-/// of what was measured.
+/// Estimates the peak memory that motion on a mesh needs, bytes, before the work starts. The
+/// estimate is within 40 % of the measured values. 0 for NULL.
 ///
-/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`.
-/// `sound_s`: seconds of the sound that `anyface_motion_new()` gets. 0 for NULL.
-/// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` where it surely does not fit.
+/// `frames_at_once`: frames in memory at once: all of them for `anyface_clip_new()`, two blocks for
+/// `anyface_clip_stream()`. `sound_s`: length of the sound for `anyface_motion_new()`, seconds.
+/// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` if the
+/// work certainly does not fit into memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_memory_needed(
     engine: *const AnyfaceEngine,
@@ -153,7 +155,8 @@ pub unsafe extern "C" fn anyface_engine_memory_needed(
     guard::guard_or(0, || unsafe { engine.as_ref() }.map_or(0, need))
 }
 
-/// Memory that this process may still take, bytes; `UINT64_MAX` where the system does not say.
+/// Memory that this process may still take, bytes; `UINT64_MAX` if the operating system does not
+/// say.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_memory_left() -> u64 {
     guard::guard_or(u64::MAX, || {

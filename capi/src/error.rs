@@ -12,14 +12,14 @@ pub struct AnyfaceError {
     message: CString,
 }
 
-/// What the inside of a call returns; becomes an [`AnyfaceError`] at the border.
+/// Why the inside of a call failed. The caller gets it as an [`AnyfaceError`].
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The argument of this name was NULL.
     Null(&'static str),
     /// The library's own error.
     Library(anyface::Error),
-    /// A panic with its message and place.
+    /// A panic with its message and, if known, its place in the source.
     Panic(String),
 }
 
@@ -55,8 +55,8 @@ impl Failure {
 impl AnyfaceError {
     pub(crate) fn new(failure: &Failure) -> Self {
         let mut text = failure.message().into_bytes();
-        // A C string ends at the first NUL; file names from the caller cannot hold one, but a
-        // message that quotes a file's content could.
+        // A C string ends at the first NUL. File names from the caller cannot contain one, but a
+        // message that quotes the content of a file could.
         text.iter_mut()
             .filter(|byte| **byte == 0)
             .for_each(|byte| *byte = b'?');
@@ -85,7 +85,8 @@ pub unsafe extern "C" fn anyface_error_status(error: *const AnyfaceError) -> Any
 /// Frees an error; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_error_free(error: *mut AnyfaceError) {
-    // No panic can arise from dropping a text and a number, so this alone frees without `guard`, which needs this file.
+    // Dropping a text and a number cannot panic. So this function alone frees without `guard`,
+    // which itself depends on this file.
     if !error.is_null() {
         drop(unsafe { Box::from_raw(error) });
     }

@@ -1,4 +1,4 @@
-//! What of a performance and its events a face cannot show, in words.
+//! Says in words which parts of a performance and its events a face cannot show.
 
 use std::ffi::CString;
 
@@ -16,19 +16,26 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Sentences about a motion and its events on a face, in English. Never changes after it was made: any number of
-/// threads may read it at the same time.
+/// Sentences about a motion and its events on a face, in English. They never change once they are
+/// made: any number of threads may read them at the same time.
 pub struct AnyfaceEventNotes(Vec<CString>);
 
-/// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
-/// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it. Where the face has no tongue that moves by
-/// itself it is told as well, and what its mouth cannot show of speech: lips that do not meet in p, b, m, a lower lip that
-/// does not reach the upper teeth in f and v, lips that something hides. Long for a face that was never asked for its
-/// shapes: accepts a progress handle.
+/// Finds the parts of a motion and its events that nobody will see on this face. Long if the shapes
+/// of the face have not been made yet: accepts a progress handle.
 ///
-/// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
+/// There are sentences about:
+/// - events that start after the end of the sound;
+/// - units that this face cannot show, such as brows if it has none;
+/// - a mouth that cannot show all of speech: lips that hardly part, lips that do not meet in p, b
+///   and m, a lower lip that does not reach the upper teeth in f and v, lips that something hides;
+/// - a face without a tongue that can move by itself, if the motion moves the tongue;
+/// - a face that no head of the system's own model resembles, so that landmarks alone moved it.
+///   This is known only once a clip of this face was made.
+///
+/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. Free with
+/// `anyface_event_notes_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not made from speech,
+/// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_event_notes_new(
     engine: *const AnyfaceEngine,
@@ -64,7 +71,8 @@ pub unsafe extern "C" fn anyface_event_notes_count(notes: *const AnyfaceEventNot
     unsafe { notes.as_ref() }.map_or(0, |notes| notes.0.len())
 }
 
-/// A sentence, UTF-8; NULL from the count on, for NULL. Lives as long as the notes.
+/// A sentence, UTF-8. NULL if `index` is not below the count, and for NULL. Lives as long as the
+/// notes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_event_notes_text(
     notes: *const AnyfaceEventNotes,
@@ -130,7 +138,7 @@ mod tests {
             anyface_event_notes_free(notes);
             texts
         };
-        // It was made without a tongue.
+        // The head was made without a tongue.
         let without_tongue = "no tongue was found in the mouth";
         assert_eq!(notes(), [without_tongue]);
         unsafe {

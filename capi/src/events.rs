@@ -1,4 +1,4 @@
-//! What a face is to do and when, for systems that show it.
+//! Events: what a face does and when, for systems that support them.
 
 use std::{ffi::CString, ptr::null, sync::LazyLock};
 
@@ -23,19 +23,20 @@ pub struct AnyfaceEvent {
     pub start_s: f64,
     /// Last second, above the first.
     pub end_s: f64,
-    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1", with L or R behind for the subject's left or
-    /// right alone: "45L".
+    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1". A final L or R restricts a unit
+    /// to the subject's left or right side: "45L".
     pub units: *const *const c_char,
     /// Number of units, 1 or more.
     pub unit_count: usize,
-    /// 0 to 2; 1 is the model's own. Not 0 by itself: set it.
+    /// 0 to 2; 1 is the strength that the model itself gives. It has no default, so set it.
     pub strength: f32,
-    /// 1 where lips that the speech brings together may stay apart under it, else 0.
+    /// 1 if the event overrides the speech, so that lips may stay apart that the speech would
+    /// close; otherwise 0.
     pub over_speech: i32,
 }
 
-/// Events of a performance. Never changes after it was made: any number of threads may use it at the same
-/// time.
+/// Events of a performance. They never change once they are made: any number of threads may use
+/// them at the same time.
 pub struct AnyfaceEvents {
     pub(crate) rows: Vec<Event>,
     json: CString,
@@ -54,8 +55,8 @@ static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
     ACTION_UNITS.iter().map(unit).collect()
 });
 
-/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28"; NULL from the last one on.
-/// Lives as long as the library is loaded.
+/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28". NULL after the
+/// last one. Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
     guard::guard_or(null(), || {
@@ -63,7 +64,8 @@ pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
     })
 }
 
-/// What an action unit does, such as "lip corner puller", as `anyface_action_unit_name()`.
+/// What an action unit does, such as "lip corner puller". Index and lifetime are as in
+/// `anyface_action_unit_name()`.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_action_unit_label(index: usize) -> *const c_char {
     guard::guard_or(null(), || {
@@ -71,11 +73,11 @@ pub extern "C" fn anyface_action_unit_label(index: usize) -> *const c_char {
     })
 }
 
-/// Events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+/// Makes events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
 ///
 /// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a strength out of
-/// range; the message names the event, counted from 1.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a
+/// strength out of range; the message names the event, counted from 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_new(
     events: *const AnyfaceEvent,
@@ -98,12 +100,12 @@ pub unsafe extern "C" fn anyface_events_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
-/// ["12", "45L"], "strength": 0.8, "over_speech": false}`; the last two may be left out, and `units` may be one
-/// expression, such as "left wink".
+/// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s":
+/// 2.0, "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two may be left
+/// out. `units` may also be one expression, such as "left wink".
 ///
-/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with `anyface_events_free()`. Fails as
-/// `anyface_events_from_text()` does.
+/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with
+/// `anyface_events_free()`. Fails like `anyface_events_from_text()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_parse(
     weights_dir: *const c_char,
@@ -119,13 +121,13 @@ pub unsafe extern "C" fn anyface_events_parse(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
-/// "1.2-2.0:smile:0.8" or "2.4-2.8:45L"; empty lines are left out. What stands behind the seconds is read as
-/// `anyface_expression_new()` reads it.
+/// Reads events from lines of text, as the command-line program does. A line holds seconds, units
+/// or words, and a strength: "1.2-2.0:smile:0.8" or "2.4-2.8:45L". The text after the seconds is
+/// read like that of `anyface_expression_new()`. Empty lines are skipped.
 ///
-/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with `anyface_events_free()`. Fails as
-/// `anyface_events_new()` does, and for words that say
-/// nothing to a face, with the nearest that do.
+/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with
+/// `anyface_events_free()`. Fails like `anyface_events_new()`, and for words that describe no
+/// expression; the message then suggests the nearest one that does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_from_text(
     weights_dir: *const c_char,
@@ -146,8 +148,8 @@ pub unsafe extern "C" fn anyface_events_from_text(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The events as JSON that `anyface_events_parse()` reads: a list, each row with a list of units and all its fields. NULL
-/// for NULL. Lives as long as the events.
+/// The events as JSON that `anyface_events_parse()` can read: a list of rows, each with all fields
+/// and its units as a list. NULL for NULL. Lives as long as the events.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_json(events: *const AnyfaceEvents) -> *const c_char {
     pointer::lend(unsafe { events.as_ref() }.map(|events| &events.json))
@@ -174,7 +176,7 @@ impl AnyfaceEvents {
 
 impl AnyfaceEvent {
     /// # Safety
-    /// `units` is as its field says.
+    /// `units` meets the documentation of its field.
     unsafe fn to_library(self) -> Result<Event, Failure> {
         let over_speech = match self.over_speech {
             0 => false,
@@ -201,7 +203,7 @@ impl AnyfaceEvent {
     }
 }
 
-/// A failure with the number of its event, where it is one of values.
+/// Adds the number of the event to a failure, if it is about an invalid value.
 fn named(row: usize, failure: Failure) -> Failure {
     match failure {
         Failure::Library(anyface::Error::InvalidInput(why)) => {

@@ -1,4 +1,4 @@
-//! What an expression asks of a face.
+//! Turns an expression in words into action units of a face.
 
 use std::{
     ffi::CString,
@@ -20,16 +20,16 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// The reader that was asked for last, with the folder of its models: it may hold half a gigabyte.
+/// The reader that was used last. Only one is kept, because it may take half a gigabyte.
 static LAST: Mutex<Option<Arc<Reader>>> = Mutex::new(None);
 
 static WORDS: LazyLock<Vec<CString>> =
     LazyLock::new(|| MENU.iter().map(|(name, _)| pointer::c_text(name)).collect());
 
-/// The reader of expressions of a folder of models, or the built-in one.
+/// The reader of expressions that uses the models of a folder, or the built-in one.
 ///
 /// # Safety
-/// `weights_dir` is NULL or a text that ends in 0.
+/// `weights_dir` is NULL or a NUL-terminated text.
 pub(crate) unsafe fn reader(weights_dir: *const c_char) -> Result<Arc<Reader>, Failure> {
     let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?.map(Path::new);
     let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
@@ -39,8 +39,8 @@ pub(crate) unsafe fn reader(weights_dir: *const c_char) -> Result<Arc<Reader>, F
     }
 }
 
-/// The action units of an expression. Never changes after it was made: any number of threads may read it at the same
-/// time.
+/// The action units of an expression. It never changes once it is made: any number of threads may
+/// read it at the same time.
 pub struct AnyfaceExpression {
     said: CString,
     units: Vec<CString>,
@@ -63,7 +63,7 @@ impl AnyfaceExpression {
         }
     }
 
-    /// An expression that is none, and why.
+    /// An expression without units, with the reason why it has none.
     fn none(said: &str, why: String) -> AnyfaceExpression {
         AnyfaceExpression {
             said: pointer::c_text(said.trim()),
@@ -75,21 +75,23 @@ impl AnyfaceExpression {
     }
 }
 
-/// A word whose units are laid down, such as "smile" or "jaw drop", for a menu; NULL from the last one on. Lives as long
-/// as the library is loaded.
+/// A word with fixed units, such as "smile" or "jaw drop", for a menu. NULL after the last one.
+/// Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_expression_word(index: usize) -> *const c_char {
     guard::guard_or(null(), || pointer::lend(WORDS.get(index)))
 }
 
-/// Reads what an expression asks of a face: units such as "12,6L", a word of `anyface_expression_word()` with a side
-/// anywhere, such as "left wink", or English words, such as "winks with the right eye". Behind it ":0.5" may give the
-/// strength, and a "!" puts it over the speech.
+/// Reads an expression: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// anywhere in it, such as "left wink", or English words, such as "winks with the right eye". It
+/// may end in a strength, ":0.5". A "!" lets it override the speech.
 ///
-/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may read by CLIP, or NULL for the built-in
-/// reader; the last one is kept, and loaded at the first text that is neither a unit nor a word of the list.
-/// `text`: UTF-8. One that says nothing to a face has no units, and `anyface_expression_hint()` says why. Free with
-/// `anyface_expression_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters,
+/// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may use CLIP, or NULL
+/// for the built-in reader. The library keeps the reader of the last call. It loads the model at
+/// the first text that is neither a unit nor a word of the list.
+/// `text`: UTF-8. A text that describes no expression gives no units, and
+/// `anyface_expression_hint()` says why. Free with `anyface_expression_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters, and with
 /// `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_new(
@@ -119,8 +121,8 @@ pub unsafe extern "C" fn anyface_expression_unit_count(
     unsafe { expression.as_ref() }.map_or(0, |expression| expression.units.len())
 }
 
-/// A unit as `AnyfaceEvent` takes it: "12", "45L". NULL from the count on, for NULL. Lives as long as the
-/// expression.
+/// A unit in the form that `AnyfaceEvent` takes: "12", "45L". NULL if `index` is not below the
+/// count, and for NULL. Lives as long as the expression.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_unit(
     expression: *const AnyfaceExpression,
@@ -129,13 +131,14 @@ pub unsafe extern "C" fn anyface_expression_unit(
     pointer::lend(unsafe { expression.as_ref() }.and_then(|expression| expression.units.get(index)))
 }
 
-/// How strongly the text asks for it, 0 to 2, 1 for a plain word; 0 without units, for NULL.
+/// How strong the expression is according to the text, 0 to 2; 1 for a plain word. 0 if there are
+/// no units, and for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_strength(expression: *const AnyfaceExpression) -> f32 {
     unsafe { expression.as_ref() }.map_or(0.0, |expression| expression.strength)
 }
 
-/// 1 where a "!" puts it over the speech, otherwise 0.
+/// 1 if a "!" lets the expression override the speech, otherwise 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_over_speech(
     expression: *const AnyfaceExpression,
@@ -143,7 +146,7 @@ pub unsafe extern "C" fn anyface_expression_over_speech(
     unsafe { expression.as_ref() }.map_or(0, |expression| i32::from(expression.over_speech))
 }
 
-/// The text without strength and "!"; NULL for NULL. Lives as long as the expression.
+/// The text without strength and "!". NULL for NULL. Lives as long as the expression.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_said(
     expression: *const AnyfaceExpression,
@@ -151,8 +154,9 @@ pub unsafe extern "C" fn anyface_expression_said(
     pointer::lend(unsafe { expression.as_ref() }.map(|expression| &expression.said))
 }
 
-/// Why there are no units, with the nearest expression that would be understood where one is near, a sentence in English;
-/// NULL where there are some, for NULL. Lives as long as the expression.
+/// A sentence in English that says why there are no units. It suggests the nearest expression that
+/// would be understood, if one is near. NULL if there are units, and for NULL. Lives as long as the
+/// expression.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_expression_hint(
     expression: *const AnyfaceExpression,

@@ -16,8 +16,9 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Everything known of one mesh: its landmarks, how its lips meet, what its parts are, and what moving it
-/// needs. Never changes after it was made: any number of threads may use it at the same time.
+/// Everything known about one mesh: its landmarks, how its lips meet, what its parts are, and the
+/// data needed to move it. It never changes once it is made: any number of threads may use it at
+/// the same time.
 pub struct AnyfaceFace(pub(crate) Face);
 
 const _: () = guard::shared_by_threads::<AnyfaceFace>();
@@ -26,11 +27,11 @@ const _: () = guard::shared_by_threads::<AnyfaceFace>();
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceMouth {
-    /// Apart, with nothing or the mouth's inside between them.
+    /// They are apart, with nothing or the inside of the mouth between them.
     Open = 0,
-    /// Closed, but not joined: they part.
+    /// They are closed but not joined, so they can part.
     Slit = 1,
-    /// One surface that cannot part.
+    /// They are one surface and cannot part.
     Welded = 2,
 }
 
@@ -40,14 +41,14 @@ pub enum AnyfaceMouth {
 pub enum AnyfaceLids {
     /// They close.
     Close = 0,
-    /// They are sculpted shut and rest.
+    /// They are sculpted shut and do not move.
     Shut = 1,
-    /// They are one surface with the eye, without a slit between, and rest.
+    /// They form one surface with the eye, without a slit between, and do not move.
     Joined = 2,
 }
 
-/// Takes or finds the landmarks of a mesh and computes all that does not depend on time. Long:
-/// accepts a progress handle; kept in the engine's cache.
+/// Takes or finds the landmarks of a mesh and computes everything that does not depend on time.
+/// Long: accepts a progress handle. The engine's cache keeps the result.
 ///
 /// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
 /// `anyface_face_free()`.
@@ -70,8 +71,9 @@ pub unsafe extern "C" fn anyface_face_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The quick part of `anyface_face_new()`, whose result it shares through the engine's cache: where the
-/// face is, without what moving it needs. That is computed when the face is first moved.
+/// The quick part of `anyface_face_new()`: finds the face but does not compute the data needed to
+/// move it. That happens when the face is first moved. Both functions share results through the
+/// engine's cache.
 ///
 /// Arguments and failures are those of `anyface_face_new()`.
 #[unsafe(no_mangle)]
@@ -101,8 +103,8 @@ pub unsafe extern "C" fn anyface_face_mouth(face: *const AnyfaceFace) -> i32 {
     guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
 }
 
-/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 the subject's right eye, anything else the
-/// left one. Where lids rest, a brow that is lowered stands for a blink.
+/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 for the subject's right
+/// eye, anything else for the left one. If the lids cannot move, a blink lowers the brow instead.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_lids(face: *const AnyfaceFace, side: i32) -> i32 {
     let code = |face: &AnyfaceFace| match face.0.lids()[usize::from(side != 0)] {
@@ -113,19 +115,20 @@ pub unsafe extern "C" fn anyface_face_lids(face: *const AnyfaceFace, side: i32) 
     guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
 }
 
-/// Size of the mesh's unit in metres on a head of human size: what makes millimetres of displacements;
-/// 0 for NULL.
+/// Length of the mesh's unit in metres if the head had human size; converts displacements to
+/// millimetres. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_metres_per_unit(face: *const AnyfaceFace) -> f64 {
     unsafe { face.as_ref() }.map_or(0.0, |face| face.0.metres_per_unit())
 }
 
-/// Copies the way from the mesh's frame to the canonical one, in which head and gaze of a motion are given:
-/// metres on a head of human size, +x to the subject's left, +y up, +z out of the face, origin between the
-/// jaw's hinges.
+/// Copies the transform from the mesh's frame to the canonical one, in which head and gaze of a
+/// motion are given: metres on a head of human size, +x to the subject's left, +y up, +z out of the
+/// face, origin between the jaw's hinges.
 ///
-/// `matrix`: `[3, 4]`, rows: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a shift. `float_count`
-/// must be 12. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+/// `matrix`: `[3, 4]`, row by row: `canonical = matrix * (x, y, z, 1)`, a scaled rotation and a
+/// translation. `float_count` must be 12.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_copy_to_canonical(
     face: *const AnyfaceFace,
@@ -145,7 +148,7 @@ pub unsafe extern "C" fn anyface_face_copy_to_canonical(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number `V` of vertices of its mesh; 0 for NULL.
+/// Number `V` of vertices of the face's mesh; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_vertex_count(face: *const AnyfaceFace) -> usize {
     unsafe { face.as_ref() }.map_or(0, |face| face.0.mesh.positions.len())
@@ -154,7 +157,7 @@ pub unsafe extern "C" fn anyface_face_vertex_count(face: *const AnyfaceFace) -> 
 /// Copies the 68 landmarks into the caller's buffers, each of which may be NULL.
 ///
 /// `positions`: `[68, 3]`, mesh units and axes, on the surface. `vertices`: `[68]`, the nearest
-/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks that the caller gave.
+/// vertex of each. `confidence`: `[68]`, 0 to 1; 1 for landmarks from the caller.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_copy_landmarks(
@@ -176,16 +179,16 @@ pub unsafe extern "C" fn anyface_face_copy_landmarks(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number of connected parts of its mesh, seams sewn up; 0 for NULL.
+/// Number of connected parts of the face's mesh, after seams are joined; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_part_count(face: *const AnyfaceFace) -> usize {
     unsafe { face.as_ref() }.map_or(0, |face| face.0.parts.parts.len())
 }
 
-/// Copies what each part is into the caller's buffers, each of which may be NULL.
+/// Copies the role of each part into the caller's buffers, each of which may be NULL.
 ///
 /// `roles`: one `AnyfacePartRole` for each of `anyface_face_part_count()` parts.
-/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no face.
+/// `part_of_vertex`: `[V]`, the part of each vertex, `UINT32_MAX` for a vertex in no triangle.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `face` is NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_copy_parts(
@@ -207,9 +210,9 @@ pub unsafe extern "C" fn anyface_face_copy_parts(
     unsafe { guard::guard(error, work) }
 }
 
-/// Writes the landmarks as a JSON file that `anyface animate --landmarks` reads too.
+/// Writes the landmarks to a JSON file, which `anyface animate --landmarks` can read too.
 ///
-/// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; then nothing is left of the file.
+/// `path`: UTF-8. Fails with `ANYFACE_STATUS_IO`; no unfinished file is left.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_write_landmarks(
     face: *const AnyfaceFace,

@@ -1,4 +1,4 @@
-//! What a caller knows of a mesh, and how it wants its face to be worked on.
+//! What a caller knows about a mesh, and options for making its face.
 
 use anyface::{
     Engine,
@@ -40,7 +40,7 @@ pub enum AnyfaceAxis {
     NegZ = 5,
 }
 
-/// What a connected part of the mesh is and follows; for `AnyfaceFaceOptions` and
+/// What a connected part of the mesh is, and what it follows; for `AnyfaceFaceOptions` and
 /// `anyface_face_copy_parts()`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,13 +51,13 @@ pub enum AnyfacePartRole {
     Jaw = 1,
     /// Follows the skull: upper teeth, upper gums, glasses, hair.
     Skull = 2,
-    /// Holds both jaws: gums with a tongue, the mouth's lining.
+    /// Belongs to both jaws: gums with a tongue, the lining of the mouth.
     Mouth = 3,
-    /// Follows the skin nearest to its roots: lashes, brows, beards.
+    /// Follows the skin next to its roots: lashes, brows, beards.
     Nearest = 4,
-    /// An eyeball; rests and never deforms.
+    /// An eyeball; stays at rest and never deforms.
     Gaze = 5,
-    /// Nothing of the face; rests.
+    /// Not part of the face; stays at rest.
     Still = 6,
 }
 
@@ -71,55 +71,61 @@ pub(crate) const ROLES: [(AnyfacePartRole, PartRole); 7] = [
     (AnyfacePartRole::Still, PartRole::Still),
 ];
 
-/// What is known of a face; prepare it with `anyface_face_options_init()`.
+/// What is known about a face; prepare it with `anyface_face_options_init()`.
 ///
-/// Landmarks may come in one of three ways, or not at all: then the library finds them.
+/// Landmarks may be given as positions, as vertices, as both, or as JSON. Without any the library
+/// finds them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct AnyfaceFaceOptions {
     /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
     pub struct_size: usize,
-    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W; each is put on the nearest
-    /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
+    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W. Each moves to the nearest
+    /// suitable place on the surface, unless it lies at its vertex in `landmark_vertices`. NULL if
+    /// not given.
     pub landmark_positions: *const f32,
-    /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
-    /// on that vertex, as those of `anyface_opened_face_copy_landmarks()` on rims that touch.
+    /// `[68]` vertex numbers, NULL if not given. Together with positions, a point that lies exactly
+    /// at its vertex stays on that vertex. Points of `anyface_opened_face_copy_landmarks()` need
+    /// this where rims touch.
     pub landmark_vertices: *const u32,
-    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
-    /// otherwise.
+    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL if
+    /// not given.
     pub landmark_json: *const c_char,
     /// The axis out of the face, one of `AnyfaceAxis`; default +z, as in OBJ and glTF. Blender
     /// faces -y.
     pub forward: i32,
     /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
     pub up: i32,
-    /// `[control_count]`: controls of the system that act on a face, such as "learned"; the others
-    /// stand at their defaults. They take no keys. NULL otherwise.
+    /// `[control_count]`: controls of the system that act on a face, such as "learned". All others
+    /// have their defaults. These controls take no keys. NULL if none is set.
     pub controls: *const AnyfaceControlSetting,
     /// Number of controls that are set.
     pub control_count: usize,
-    /// `[part_count]` numbers of parts whose role the caller knows, as `anyface_face_copy_parts()`
-    /// counts them; NULL otherwise. All other parts are told by shape and place.
+    /// `[part_count]` numbers of the parts whose role the caller knows, as in
+    /// `anyface_face_copy_parts()`; NULL if there are none. The library recognises all other parts
+    /// by their shape and place.
     pub part_numbers: *const u32,
-    /// `[part_count]` their roles, each one of `AnyfacePartRole`; NULL otherwise.
+    /// `[part_count]` roles of these parts, each one of `AnyfacePartRole`; NULL if there are none.
     pub part_roles: *const i32,
     /// Number of parts whose role the caller knows.
     pub part_count: usize,
     /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
-    /// others follow; NULL otherwise.
+    /// others adapt; NULL if there are none.
     pub fixed_numbers: *const u32,
-    /// `[fixed_count, 3]` their places, mesh units and axes; each is put on the surface. NULL
-    /// otherwise.
+    /// `[fixed_count, 3]` positions of these landmarks, mesh units and axes; each moves onto the
+    /// surface. NULL if there are none.
     pub fixed_positions: *const f32,
     /// Number of landmarks that stay.
     pub fixed_count: usize,
-    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was put together
-    /// from several (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL otherwise.
+    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was joined
+    /// from several objects (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL if not
+    /// given.
     pub object_of_vertex: *const u32,
-    /// Number of vertices of the mesh where `object_of_vertex` is given, otherwise 0.
+    /// Number of vertices of the mesh if `object_of_vertex` is given, otherwise 0.
     pub object_vertex_count: usize,
-    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 for
-    /// parts that are told by shape and place. `part_numbers` count before these. NULL otherwise.
+    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 if
+    /// the library should recognise its parts by their shape and place. `part_numbers` take
+    /// precedence over these. NULL if there are no objects.
     pub object_roles: *const i32,
     /// Number of objects.
     pub object_count: usize,
@@ -140,7 +146,7 @@ unsafe impl Versioned for AnyfaceFaceOptions {
 
 impl AnyfaceFaceOptions {
     /// # Safety
-    /// Every pointer is NULL or as its field says.
+    /// Every pointer is NULL or meets the documentation of its field.
     pub(crate) unsafe fn to_library(self) -> Result<FaceOptions, Failure> {
         let forward = axis("forward", self.forward)?;
         let up = axis("up", self.up)?;
@@ -234,13 +240,14 @@ pub unsafe extern "C" fn anyface_face_options_init(
     unsafe { versioned_options::init(options, struct_size) }
 }
 
-/// The role of an object whose parts are told by shape and place.
+/// The role of an object whose parts are recognised by their shape and place.
 const BY_SHAPE: i32 = -1;
 
-/// What `make` makes of a caller's mesh, watched by the caller's progress handle.
+/// Runs `make` on a caller's mesh and reports to the caller's progress handle.
 ///
 /// # Safety
-/// Every pointer is NULL or valid, the pointers in `options` as their fields say.
+/// Every pointer is NULL or valid. The pointers in `options` meet the documentation of their
+/// fields.
 pub(crate) unsafe fn of_mesh<T>(
     engine: *const AnyfaceEngine,
     mesh: *const AnyfaceMesh,
@@ -254,10 +261,10 @@ pub(crate) unsafe fn of_mesh<T>(
     unsafe { watched(progress, |watch| make(&engine.0, &mesh.0, &options, watch)) }
 }
 
-/// The landmarks that stay.
+/// The landmarks that stay where the caller puts them.
 ///
 /// # Safety
-/// Every pointer of `options` is NULL or as its field says.
+/// Every pointer of `options` is NULL or meets the documentation of its field.
 unsafe fn fixed(options: &AnyfaceFaceOptions) -> Result<Vec<FixedLandmark>, Failure> {
     let count = options.fixed_count;
     let numbers = unsafe { pointer::slice("fixed_numbers", options.fixed_numbers, count, 1) }?;
@@ -271,10 +278,10 @@ unsafe fn fixed(options: &AnyfaceFaceOptions) -> Result<Vec<FixedLandmark>, Fail
         .collect())
 }
 
-/// Roles of objects, then roles of single parts: of several for one part the last one counts.
+/// Roles of objects, then roles of single parts. If a part has several, the last one counts.
 ///
 /// # Safety
-/// Every pointer of `options` is NULL or as its field says.
+/// Every pointer of `options` is NULL or meets the documentation of its field.
 unsafe fn parts(options: &AnyfaceFaceOptions) -> Result<PartChoices, Failure> {
     let count = options.part_count;
     let numbers = unsafe { pointer::slice("part_numbers", options.part_numbers, count, 1) }?;

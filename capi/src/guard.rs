@@ -1,4 +1,4 @@
-//! The border itself: no panic crosses it, every failure leaves as a status and an error.
+//! The boundary to C: no panic crosses it, and every failure becomes a status and an error.
 
 use std::{
     any::Any,
@@ -14,9 +14,9 @@ use crate::{
 };
 
 thread_local! {
-    /// Calls of this thread that are inside the library.
+    /// Number of calls of this thread that are inside the library.
     static DEPTH: Cell<u32> = const { Cell::new(0) };
-    /// Place of the last panic of this thread.
+    /// Where in the source the last panic of this thread happened.
     static PLACE: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
@@ -40,7 +40,7 @@ pub(crate) unsafe fn guard(
     failure.status()
 }
 
-/// Runs a call that makes an object, which is handed to the caller last.
+/// Runs a call that makes an object, and passes it to the caller as the last step.
 ///
 /// # Safety
 /// `out` and `error` are each NULL or point to writable memory for a pointer.
@@ -58,7 +58,7 @@ pub(crate) unsafe fn give<T>(
     unsafe { guard(error, work) }
 }
 
-/// Runs a call that copies values into the caller's buffer, whose `capacity` must be their number exactly.
+/// Runs a call that copies values into the caller's buffer. Its `capacity` must equal their number.
 ///
 /// # Safety
 /// `buffer` is NULL or valid for writes of `capacity` values; `error` as for [`guard`].
@@ -72,11 +72,11 @@ pub(crate) unsafe fn copy<T: Copy, V: AsRef<[T]>>(
     unsafe { guard(error, work) }
 }
 
-/// Objects of this kind may be used by any number of threads at the same time: a `const` of its result does not compile
-/// otherwise.
+/// Asserts that any number of threads may use objects of this type at the same time. A `const` that
+/// holds its result compiles only then.
 pub(crate) const fn shared_by_threads<T: Send + Sync>() {}
 
-/// Runs a call that has no way to report: `fallback` stands for a panic.
+/// Runs a call that cannot report errors. It returns `fallback` after a panic.
 pub(crate) fn guard_or<T>(fallback: T, work: impl FnOnce() -> T) -> T {
     catch(work).unwrap_or(fallback)
 }
@@ -84,7 +84,7 @@ pub(crate) fn guard_or<T>(fallback: T, work: impl FnOnce() -> T) -> T {
 /// Frees a handle.
 ///
 /// # Safety
-/// `handle` is NULL or came from `Box::into_raw` and is not used again.
+/// `handle` is NULL, or it came from `Box::into_raw` and is not used again.
 pub(crate) unsafe fn free<T>(handle: *mut T) {
     if !handle.is_null() {
         guard_or((), || drop(unsafe { Box::from_raw(handle) }));
@@ -106,17 +106,19 @@ fn describe(payload: &(dyn Any + Send)) -> String {
         .map(|text| (*text).to_owned())
         .or_else(|| payload.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "no message".into());
-    // A panic of a worker thread arrives here without its place.
+    // The place of a panic in a worker thread is not known here.
     match PLACE.take() {
         Some(place) => format!("{text} ({place})"),
         None => text,
     }
 }
 
-/// The library never prints: a panic's place is remembered here instead of written to stderr.
+/// Installs a panic hook that stores the place of a panic instead of printing it to stderr, because
+/// the library never prints.
 ///
-/// The hook belongs to this library's own copy of Rust's runtime, never to the host's. Threads
-/// outside any call are the library's own workers, whose panics reach the caller by themselves.
+/// The hook belongs to this library's own copy of Rust's runtime, never to the host's. A thread
+/// outside any call is one of the library's own workers. Its panics reach the caller without the
+/// hook.
 fn keep_panics_quiet() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -1,4 +1,4 @@
-//! Heads made from numbers.
+//! Heads of a parametric model, made from numbers.
 
 use std::{ffi::CString, path::Path, sync::Arc};
 
@@ -15,11 +15,12 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
-/// it at the same time.
+/// One head of FaceTalk's parametric model. It never changes once it is made: any number of threads
+/// may use it at the same time.
 ///
-/// It is `N` numbers: 100 coefficients, each from a normal distribution, then how far each of its traits goes (age, sex,
-/// weight …), -4 to 4; all 0 is the mean head. Its frame is metres, +x to the subject's left, +y up, +z out of the face.
+/// `N` numbers describe it: 100 coefficients, each from a normal distribution, then the value of
+/// each trait (age, sex, weight …), -4 to 4. The mean head has only zeros. The frame is in metres,
+/// +x to the subject's left, +y up, +z out of the face.
 pub struct AnyfaceHead {
     maker: Arc<HeadMaker>,
     numbers: Vec<f32>,
@@ -27,7 +28,7 @@ pub struct AnyfaceHead {
     fit_mm: f32,
 }
 
-/// Texts that are lent.
+/// Texts that are lent to the caller.
 struct Names {
     directions: Vec<CString>,
     materials: Vec<CString>,
@@ -51,7 +52,7 @@ impl AnyfaceHead {
         })
     }
 
-    /// The same model with other numbers.
+    /// A head of the same model with other numbers.
     fn other(&self, numbers: Vec<f32>) -> AnyfaceHead {
         AnyfaceHead {
             maker: Arc::clone(&self.maker),
@@ -62,13 +63,16 @@ impl AnyfaceHead {
     }
 }
 
-/// A head from its numbers, or the random one of a seed.
+/// Makes a head from its numbers, or a random head from a seed.
 ///
-/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`: `[coefficient_count]`,
-/// which must be 100, for traits of 0, or `N` as of `anyface_head_coefficient_count()`, or NULL with 0 for the numbers of
-/// `seed`. Free with `anyface_head_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
-/// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
+/// `weights_dir`: UTF-8, a folder of models that replace the built-in ones, or NULL.
+/// `coefficients`: `[coefficient_count]`; NULL with a count of 0 for a random head.
+/// `coefficient_count` is 100, which sets all traits to 0, or `N` from
+/// `anyface_head_coefficient_count()`. `seed`: of the random head; ignored if there are
+/// coefficients. Free with `anyface_head_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and
+/// heads far outside those that were learned, and with `ANYFACE_STATUS_WEIGHTS` or
+/// `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_new(
     weights_dir: *const c_char,
@@ -94,9 +98,10 @@ pub unsafe extern "C" fn anyface_head_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The head between two others: `share` 0 is `a`, 1 is `b`. Free with `anyface_head_free()`.
+/// Mixes two heads: a `share` of 0 gives `a`, 1 gives `b`. Free with `anyface_head_free()`.
 ///
-/// Both must be of the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share outside 0 to 1.
+/// Both must belong to the same model. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a share
+/// outside 0 to 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_new_mixed(
     a: *const AnyfaceHead,
@@ -113,10 +118,10 @@ pub unsafe extern "C" fn anyface_head_new_mixed(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The same head with another value along one direction, -4 to 4; 0 is the average. Free with
-/// `anyface_head_free()`.
+/// Copies a head and sets one of its sliders, `direction`, to `value`, -4 to 4; 0 is the average.
+/// Free with `anyface_head_free()`.
 ///
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or number out of range.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a value or direction out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_new_along(
     head: *const AnyfaceHead,
@@ -134,11 +139,12 @@ pub unsafe extern "C" fn anyface_head_new_along(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The head that is most like a face at rest: a scan or a model of which the landmarks are known. Long: accepts a
-/// progress handle, which may be NULL. Free with `anyface_head_free()`.
+/// Fits a head to a face at rest, such as a scan or a model. Long: accepts a progress handle, which
+/// may be NULL. Free with `anyface_head_free()`.
 ///
-/// `weights_dir`: as in `anyface_head_new()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for fewer than 300 vertices on the
-/// face, and where it stays more than 3 mm away on average.
+/// `weights_dir`: as in `anyface_head_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the face has fewer than 300 vertices or stays more
+/// than 3 mm away from the head on average.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_fit(
     weights_dir: *const c_char,
@@ -166,20 +172,21 @@ pub unsafe extern "C" fn anyface_head_fit(
     unsafe { guard::give(out, error, make) }
 }
 
-/// How far the face lies from the head that was fitted to it, mean, millimetres on a head of human size; 0 for NULL and
-/// heads that were not fitted.
+/// Mean distance between a face and the head that was fitted to it, millimetres on a head of human
+/// size; 0 for NULL and heads that were not fitted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_fit_mm(head: *const AnyfaceHead) -> f32 {
     unsafe { head.as_ref() }.map_or(0.0, |head| head.fit_mm)
 }
 
-/// How many numbers a head is, `N`: 100 coefficients and its traits; 0 for NULL.
+/// Number `N` of the numbers that describe a head: 100 coefficients and the traits; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_coefficient_count(head: *const AnyfaceHead) -> usize {
     unsafe { head.as_ref() }.map_or(0, |head| head.numbers.len())
 }
 
-/// Copies the numbers. `buffer`: `[count]`; `count` must be `N`, or 100 for the coefficients alone.
+/// Copies the numbers of a head. `buffer`: `[count]`; `count` must be `N`, or 100 for the
+/// coefficients alone.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_coefficients(
@@ -200,15 +207,15 @@ pub unsafe extern "C" fn anyface_head_copy_coefficients(
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// Number `D` of sliders: traits such as age, then directions in which heads differ, the one that moves the surface
-/// furthest first; 0 for NULL.
+/// Number `D` of sliders; 0 for NULL. Traits such as age come first, then the directions in which
+/// heads differ, starting with the one that moves the surface furthest.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_direction_count(head: *const AnyfaceHead) -> usize {
     unsafe { head.as_ref() }.map_or(0, |head| head.names.directions.len())
 }
 
-/// What a slider changes most, such as "age" or "face width"; lives until the head is freed. NULL for NULL or a number
-/// that is not below the count.
+/// What a slider changes most, such as "age" or "face width". Lives until the head is freed. NULL
+/// for NULL or if `direction` is not below the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_direction_name(
     head: *const AnyfaceHead,
@@ -217,7 +224,7 @@ pub unsafe extern "C" fn anyface_head_direction_name(
     pointer::lend(unsafe { head.as_ref() }.and_then(|head| head.names.directions.get(direction)))
 }
 
-/// Copies where each slider stands. `buffer`: `[D]`; `count` must be `D`.
+/// Copies the value of each slider. `buffer`: `[D]`; `count` must be `D`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_directions(
@@ -233,16 +240,18 @@ pub unsafe extern "C" fn anyface_head_copy_directions(
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// The head as a mesh at rest, metres. Long where a `resolution` is asked for: accepts a progress handle, which may be
-/// NULL. Free with `anyface_mesh_free()`.
+/// Makes the mesh of a head at rest, metres. Long if `resolution` is not 0: accepts a progress
+/// handle, which may be NULL. Free with `anyface_mesh_free()`.
 ///
-/// `resolution`: 0 for clean quads, each as two triangles (`anyface_head_copy_faces()` has them whole); else the surface
-/// of the field, which knows no traits, with as many cells along the longest side of the grid, such as 128. `parts`: not
-/// 0 for eyes, teeth, tongue, lashes and brows beside the skin, whose vertices and triangles come first; the field has
-/// none. `skin_vertices`: may be NULL; how many of the vertices are skin. `landmark_vertices`: `[68]`, may be NULL; the
-/// vertices on which the landmarks lie.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB, and for one that is not 0
-/// with parts.
+/// `resolution`: 0 for clean quads, each cut into two triangles (`anyface_head_copy_faces()` has
+/// the quads). Otherwise the number of cells along the longest side of the grid for the surface of
+/// the field, such as 128; traits do not change that surface. `parts`: 0 for the skin alone,
+/// otherwise also eyes, teeth, tongue, lashes and brows, whose vertices and triangles follow those
+/// of the skin. The field has no such parts. `skin_vertices`: receives the number of vertices that
+/// are skin; may be NULL. `landmark_vertices`: `[68]`, receives the vertices on which the landmarks
+/// lie; may be NULL.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution from 1 to 31 or one that would take
+/// more than 1 GiB, and if both `resolution` and `parts` are not 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_mesh(
     head: *const AnyfaceHead,
@@ -280,7 +289,8 @@ pub unsafe extern "C" fn anyface_head_mesh(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number `F` of faces of the clean quads with their parts, those of the skin first; 0 for NULL.
+/// Number `F` of faces of the clean quads, including the parts; 0 for NULL. The faces of the skin
+/// come first.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_face_count(head: *const AnyfaceHead) -> usize {
     unsafe { head.as_ref() }.map_or(0, |head| head.maker.topology().faces().len())
@@ -292,7 +302,8 @@ pub unsafe extern "C" fn anyface_head_skin_face_count(head: *const AnyfaceHead) 
     unsafe { head.as_ref() }.map_or(0, |head| head.maker.topology().uv().len())
 }
 
-/// Copies the faces, four vertices each; the last of a triangle comes twice. `buffer`: `[F, 4]`; `count` must be `4 F`.
+/// Copies the faces, four vertices each. A triangle has its last vertex twice. `buffer`: `[F, 4]`;
+/// `count` must be `4 F`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_faces(
@@ -308,8 +319,9 @@ pub unsafe extern "C" fn anyface_head_copy_faces(
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// Copies the texture places of the corners of the skin's faces, (0, 0) to (1, 1) from the lower left. `buffer`:
-/// `[S, 4, 2]`; `count` must be `8 S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+/// Copies the texture coordinates at the corners of the skin's faces: (0, 0) at the lower left to
+/// (1, 1). `buffer`: `[S, 4, 2]`; `count` must be `8 S`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_uv(
     head: *const AnyfaceHead,
@@ -324,7 +336,7 @@ pub unsafe extern "C" fn anyface_head_copy_uv(
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// Copies the number of each face's material. `buffer`: `[F]`; `count` must be `F`.
+/// Copies the material number of each face. `buffer`: `[F]`; `count` must be `F`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_face_materials(
@@ -346,8 +358,8 @@ pub unsafe extern "C" fn anyface_head_material_count(head: *const AnyfaceHead) -
     unsafe { head.as_ref() }.map_or(0, |head| head.names.materials.len())
 }
 
-/// What a material is, such as "skin" or "lips"; lives until the head is freed. NULL for NULL or a number that is not
-/// below the count.
+/// Name of a material, such as "skin" or "lips". Lives until the head is freed. NULL for NULL or if
+/// `material` is not below the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_material_name(
     head: *const AnyfaceHead,

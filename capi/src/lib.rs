@@ -1,13 +1,13 @@
 //! The C interface: opaque handles, status codes, owned errors.
 //!
-//! The contract that a C program sees stands at the top of `include/anyface.h`, which is
-//! generated from this crate (the text itself lives in `cbindgen.toml`). Every exported function
-//! has the same shape: [`guard::guard`] catches panics and fills the error, [`pointer`] turns raw
+//! The contract for C programs is at the top of `include/anyface.h`, which is generated from this
+//! crate (the text of the contract is in `cbindgen.toml`). Every exported function has the same
+//! shape: [`guard::guard`] catches panics and fills the error, [`pointer`] turns raw
 //! pointers into checked borrows, the library does the work, and the result is written last.
 //!
 //! This is the only crate of the workspace that touches raw pointers.
 
-// One safety contract for all functions, stated once at the top of the header.
+// All functions share one safety contract, which is stated at the top of the header.
 #![allow(clippy::missing_safety_doc)]
 
 mod guard;

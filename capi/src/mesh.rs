@@ -9,15 +9,15 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
+/// A triangle mesh in the caller's own units, axes and vertex order. It never changes once it is
 /// made: any number of threads may use it at the same time.
 pub struct AnyfaceMesh(pub(crate) Mesh);
 
-/// A mesh from triangles; the arrays are copied.
+/// Makes a mesh from triangles; the arrays are copied.
 ///
 /// `positions`: `[vertex_count, 3]`, any units. `triangles`: `[triangle_count, 3]`, vertex
-/// numbers. Loose vertices, several parts, holes, duplicate and flat triangles are allowed. Free
-/// with `anyface_mesh_free()`.
+/// numbers. Loose vertices, several parts, holes, duplicate triangles and triangles without area
+/// are allowed. Free with `anyface_mesh_free()`.
 /// Fails with `ANYFACE_STATUS_MESH` for too few triangles, positions that are not finite or vertex
 /// numbers out of range.
 #[unsafe(no_mangle)]
@@ -38,12 +38,12 @@ pub unsafe extern "C" fn anyface_mesh_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// A mesh from polygons, which are cut into triangles; the arrays are copied.
+/// Makes a mesh from polygons, which are cut into triangles; the arrays are copied.
 ///
-/// `positions`: `[vertex_count, 3]`, any units. `polygon_sizes`: `[polygon_count]`, corners of
-/// each. `corners`: `[corner_count]`, the vertex numbers of all polygons in a row. Free with
-/// `anyface_mesh_free()`.
-/// Fails as `anyface_mesh_new()`, and with `ANYFACE_STATUS_INVALID_INPUT` if the sizes do not add
+/// `positions`: `[vertex_count, 3]`, any units. `polygon_sizes`: `[polygon_count]`, number of
+/// corners of each. `corners`: `[corner_count]`, the vertex numbers of all polygons, one polygon
+/// after the other. Free with `anyface_mesh_free()`.
+/// Fails like `anyface_mesh_new()`, and with `ANYFACE_STATUS_INVALID_INPUT` if the sizes do not add
 /// up to `corner_count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_mesh_new_polygons(
@@ -66,11 +66,11 @@ pub unsafe extern "C" fn anyface_mesh_new_polygons(
     unsafe { guard::give(out, error, make) }
 }
 
-/// A mesh from an OBJ, PLY or GLB file; the vertex order is the file's.
+/// Reads a mesh from an OBJ, PLY or GLB file. The vertices keep the order of the file.
 ///
 /// `path`: UTF-8. Free with `anyface_mesh_free()`.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_MESH` if it is
-/// neither format or the mesh cannot be used.
+/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with `ANYFACE_STATUS_MESH` if it
+/// has none of these formats or the mesh cannot be used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_mesh_read(
     path: *const c_char,

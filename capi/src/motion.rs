@@ -1,4 +1,4 @@
-//! Speech becomes motion, before any mesh is known.
+//! Turns speech into motion, before any mesh is known.
 
 use std::{ffi::CString, sync::Arc};
 
@@ -29,21 +29,21 @@ use crate::{
     versioned_options::{self, Versioned},
 };
 
-/// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
-/// changes after it was made.
+/// Motion before any mesh is known: of landmarks, or of whatever else the system moves. It fits
+/// every face and never changes once it is made.
 pub struct AnyfaceMotion {
     pub(crate) source: MotionSource,
-    /// What the weights of a motion of weights are called.
+    /// Names of the weights, if the motion consists of weights.
     pub(crate) names: Vec<CString>,
-    /// The emotion that was heard, as JSON, where the motion depends on it.
+    /// The emotion that was heard, as JSON, if the motion depends on it.
     pub(crate) heard_emotion: Option<CString>,
 }
 
 /// Where a motion comes from.
 pub(crate) enum MotionSource {
-    /// Speech, with everything that variations of it need.
+    /// Made from speech, with everything needed to vary it.
     Spoken(Box<Performance>),
-    /// Speech, of which a stretch was made again.
+    /// Made from other motion: a stretch of it was made again, or it is a range of its frames.
     Redone(Motion, Box<Life>),
     /// Handed in by the caller. The tongue rests, except in a pose.
     Imported(Motion, Box<Life>),
@@ -72,7 +72,7 @@ impl AnyfaceMotion {
         }
     }
 
-    /// A motion that the caller hands in. Its head, eyes and tongue rest.
+    /// Wraps a motion that the caller hands in. Its head, eyes and tongue rest.
     pub(crate) fn import(motion: Motion) -> AnyfaceMotion {
         let life = Box::new(Life::still(motion.frames()));
         AnyfaceMotion::new(MotionSource::Imported(motion, life))
@@ -107,10 +107,11 @@ impl AnyfaceMotion {
         })
     }
 
-    /// Copies values of a motion into the caller's buffer, whose `float_count` must be their number exactly.
+    /// Copies values of a motion into the caller's buffer. `float_count` must be their exact number.
     ///
     /// # Safety
-    /// `motion` is NULL or a motion that is not freed meanwhile; `buffer` and `error` as for [`guard::copy`].
+    /// `motion` is NULL or a motion that is not freed during the call. For `buffer` and `error` see
+    /// [`guard::copy`].
     pub(crate) unsafe fn copy(
         motion: *const AnyfaceMotion,
         buffer: *mut f32,
@@ -133,73 +134,81 @@ impl AnyfaceMotion {
     }
 }
 
-/// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
+/// The source of a performance's emotion; for `AnyfaceMotionOptions`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceEmotionSource {
     /// `emotion_strengths`; the default.
     Given = 0,
-    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
-    /// is not certain.
+    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or none
+    /// where that is not certain.
     Voice = 1,
-    /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
+    /// No emotion, and no other motion that speech does not cause: no blinks, no motion of brows
+    /// and lids.
     Off = 2,
-    /// Arousal: how excited the voice sounds, not which emotion it has; glad, afraid and angry voices
-    /// all widen the eyes and raise the brows.
+    /// Arousal: how excited the voice sounds, not which emotion it has. Glad, afraid and angry
+    /// voices all widen the eyes and raise the brows.
     Arousal = 3,
 }
 
-/// What a performance is asked to be; prepare it with `anyface_motion_options_init()`.
+/// Options of a performance. Prepare them with `anyface_motion_options_init()`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct AnyfaceMotionOptions {
-    /// Bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
+    /// Size in bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
     pub struct_size: usize,
-    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more, at most 1.5
-    /// in sum for each row. NULL with a count of 0, the default, is neutral throughout.
+    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more. Each row sums
+    /// to at most 1.5. NULL with a count of 0, the default, is neutral throughout.
     pub emotion_strengths: *const f32,
-    /// `[emotion_count]`: seconds at which the rows hold, rising; linear in between, held outside.
-    /// NULL where there is one row, which then holds throughout.
+    /// `[emotion_count]`: the times of the rows, seconds, rising. Strengths are linear between the
+    /// rows and constant before the first and after the last. May be NULL if there is only one row,
+    /// which then applies throughout.
     pub emotion_times_s: *const f64,
     /// Number of rows.
     pub emotion_count: usize,
     /// Frames per second of the result, 1 to 240; default 30.
     pub fps: f64,
-    /// The same seed gives the same motion; default 0. Draws blinks, brow accents, head, gaze and
-    /// variety, and the noise of models that sample with noise, which the built-in one does not.
+    /// The same seed gives the same motion; default 0. It determines blinks, brow accents, head,
+    /// gaze and variety, and the noise of models that sample with noise. The built-in one uses none.
     pub seed: u64,
-    /// Speaking style by name, UTF-8; NULL, the default, takes the model's own.
+    /// Name of the speaking style, UTF-8. NULL, the default, takes the model's own style.
     pub style: *const c_char,
-    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With another one
+    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With any other source,
     /// `emotion_count` must be 0.
     pub emotion_source: i32,
     /// Must be 0.
     pub reserved: u32,
-    /// `[control_count]`: controls of the system that act on a performance, such as "articulation"; the
-    /// others stand at their defaults. NULL otherwise.
+    /// `[control_count]`: settings of the system's controls that act on a performance, such as
+    /// "articulation". All other controls have their defaults. May be NULL if there are none.
     pub controls: *const AnyfaceControlSetting,
-    /// Number of controls that are set.
+    /// Number of settings in `controls`.
     pub control_count: usize,
-    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
-    /// order, where `has_closures` is 1; see `anyface_sounds_copy_closures()`.
+    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are
+    /// together, in rising order. Only used if `has_closures` is 1; see
+    /// `anyface_sounds_copy_closures()`.
     pub closures_s: *const f64,
-    /// Number of intervals; 0 with `has_closures` closes the lips nowhere.
+    /// Number of intervals. It must be 0 if `has_closures` is 0. If `has_closures` is 1, a count
+    /// of 0 means that the lips never close.
     pub closure_count: usize,
-    /// 1 closes the lips in these intervals, 0, the default, where that is heard.
+    /// 1: the lips close in these intervals. 0, the default: they close where that is heard.
     pub has_closures: i32,
     /// Must be 0.
     pub reserved_2: u32,
-    /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
-    /// cannot show them refuses: see `anyface_system_takes_events()`.
+    /// Events that the face has to show. The handle is used only until the call returns. NULL, the
+    /// default, means none. A system that cannot show events refuses them: see
+    /// `anyface_system_takes_events()`.
     pub events: *const AnyfaceEvents,
-    /// Another recording whose emotion the face shows; only until the call returns. NULL, the default, is the
-    /// voice itself. A system that does not hear emotion refuses: see `anyface_system_hears_emotion()`.
+    /// Another recording whose emotion the face shows. The handle is used only until the call
+    /// returns. NULL, the default, takes the voice itself. A system that does not hear emotion
+    /// refuses it: see `anyface_system_hears_emotion()`.
     pub emotion_of: *const AnyfaceAudio,
-    /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
-    /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
+    /// A motion of landmarks. The face and its tongue start in the pose of its last frame. The
+    /// handle is used only until the call returns. NULL, the default, starts at rest. A system that
+    /// cannot start from a pose refuses it: see `anyface_system_starts_from_pose()`.
     pub starts_from: *const AnyfaceMotion,
-    /// A recording in which the same person speaks neutrally, ten seconds or more; only until the call returns. The emotion
-    /// of the voice is heard as what differs from it. NULL, the default, compares the voice with readers.
+    /// A recording in which the same person speaks neutrally, ten seconds or more. The handle is
+    /// used only until the call returns. The emotion of the voice is then heard as the difference
+    /// from this recording. NULL, the default, compares the voice with people reading aloud.
     pub neutral_voice: *const AnyfaceAudio,
 }
 
@@ -220,7 +229,7 @@ unsafe impl Versioned for AnyfaceMotionOptions {
 
 impl AnyfaceMotionOptions {
     /// # Safety
-    /// Every pointer is NULL or as its field says.
+    /// Every pointer is NULL or as the doc comment of its field says.
     pub(crate) unsafe fn to_library(self) -> Result<MotionRequest, Failure> {
         for reserved in [self.reserved, self.reserved_2] {
             if reserved != 0 {
@@ -355,8 +364,8 @@ fn check_rising(times: &[f64]) -> Result<(), Failure> {
 
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
 ///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
-/// version had.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `options` is NULL, or with
+/// `ANYFACE_STATUS_INVALID_INPUT` for a size that no version had.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_options_init(
     options: *mut AnyfaceMotionOptions,
@@ -365,7 +374,7 @@ pub unsafe extern "C" fn anyface_motion_options_init(
     unsafe { versioned_options::init(options, struct_size) }
 }
 
-/// Speech becomes motion. Long: accepts a progress handle.
+/// Turns speech into motion. Long: accepts a progress handle.
 ///
 /// `options` and `progress` may be NULL. Free with `anyface_motion_free()`.
 /// Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, `ANYFACE_STATUS_INVALID_INPUT`
@@ -391,14 +400,15 @@ pub unsafe extern "C" fn anyface_motion_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The same speech with other controls, another emotion, or another seed of blinks and accents: nothing is
-/// heard or sampled again, which takes milliseconds.
+/// Performs the same speech with other controls, another emotion, or another seed of blinks and
+/// accents. It takes only milliseconds, because nothing is heard or sampled again.
 ///
-/// Style, frame rate and what else the system samples with stay those of `motion`; for weights that
-/// learned emotion themselves (the built-in ones did not) so does what they show of it. `options` may be NULL.
-/// Free with `anyface_motion_free()`; `motion` may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought, or an option out of
-/// range.
+/// Style, frame rate and everything else that the system samples with stay those of `motion`. If
+/// the models have learned emotion themselves (the built-in ones have not), the emotion that they
+/// show stays too. `options` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed
+/// first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
+/// redone or cut from another one, or for an option out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_again(
     engine: *const AnyfaceEngine,
@@ -416,12 +426,14 @@ pub unsafe extern "C" fn anyface_motion_new_again(
     unsafe { guard::give(out, error, make) }
 }
 
-/// What is said in a motion alone, without what is felt: of the same sound, which is not heard again. The clip of `motion`
-/// less that of the result, by `anyface_clip_new_difference()`, is what is felt. Long: accepts a progress handle.
+/// Performs only the speech of a motion, without the emotion. The sound is the same and is not
+/// heard again. The clip of `motion` minus the clip of the result, by
+/// `anyface_clip_new_difference()`, is the emotion. Long: accepts a progress handle.
 ///
-/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
-/// see `anyface_system_hears_emotion()`; `ANYFACE_STATUS_CANCELLED`.
+/// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
+/// redone or cut from another one, or for a system that does not separate emotion from speech (see
+/// `anyface_system_hears_emotion()`), and with `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_content(
     engine: *const AnyfaceEngine,
@@ -442,14 +454,16 @@ pub unsafe extern "C" fn anyface_motion_new_content(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
-/// seed, emotion, controls or closures.
+/// Copies `motion` with one stretch replaced by that of `again`, which was made from the same sound
+/// in another way: with another seed, emotion, controls or closures.
 ///
-/// Frames at `start_s` and before, at `end_s` and after stay to the bit; within a tenth of a second, or a
-/// quarter of the stretch, the old motion becomes the new one, except at the ends of the sound. Head and eyes
-/// go along. Free with `anyface_motion_free()`; both may go before. The result cannot be performed again.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, motion of another kind or frame
-/// rate or length, or motion that the caller brought.
+/// Frames at or before `start_s` and at or after `end_s` stay the same bit for bit. At both ends of
+/// the stretch the old and the new motion are blended within a tenth of a second, or within a
+/// quarter of the stretch if that is less. An end at the start or end of the sound is not blended.
+/// Head, eyes and tongue are replaced too. Free with `anyface_motion_free()`; both motions may be
+/// freed first. The result cannot be performed again.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that hold no frame, for motion of another
+/// kind, frame rate or length, or for motion that the caller brought.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_redone(
     motion: *const AnyfaceMotion,
@@ -478,10 +492,11 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Some frames of a motion, with all that they have beside their landmarks. Head and eyes go along.
+/// Copies `count` frames of a motion from frame `first` on, including head, eyes and tongue.
 ///
-/// Free with `anyface_motion_free()`; `motion` may go before. The result cannot be performed again.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, or frames that the motion lacks.
+/// Free with `anyface_motion_free()`; `motion` may be freed first. The result cannot be performed
+/// again. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a count of 0, or for frames that the motion
+/// does not have.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_frames(
     motion: *const AnyfaceMotion,
@@ -507,12 +522,13 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Motion that the caller brings: from a tracker, or edited. The array is copied.
+/// Makes a motion from the caller's own displacements: from a tracker, or edited. The array is
+/// copied.
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
 /// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite or beyond 10 metres, or a frame
-/// rate out of range.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if there are no frames, if a value is not finite or
+/// beyond 10 metres, or if the frame rate is out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_displacements(
     displacements: *const f32,
@@ -531,13 +547,14 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
-/// `AnyfaceMotionOptions` takes. The array is copied.
+/// Makes a motion of one frame from the pose of a face whose vertices are displaced. Pass it as
+/// `starts_from` of `AnyfaceMotionOptions`. The array is copied.
 ///
-/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks are kept of it, and what
-/// the tongue does beside its jaw, where the face has one that moves by itself. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
-/// finite.
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. The pose keeps
+/// the landmarks. If the face has a tongue that moves by itself, it also keeps the tongue's motion
+/// relative to the jaw. Free with `anyface_motion_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if `vertex_count` is not the face's number of
+/// vertices, or if a value is not finite.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_pose(
     face: *const AnyfaceFace,
@@ -692,7 +709,7 @@ mod tests {
         };
         let request = unsafe { options.to_library() }.unwrap();
         assert_eq!(request.events, events.rows);
-        // A header before there were events ends where they begin.
+        // A header from before events existed ends where `events` begins.
         options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, events);
         let read: AnyfaceMotionOptions = unsafe { versioned_options::read(&options) }.unwrap();
         assert!(read.events.is_null());
@@ -717,7 +734,7 @@ mod tests {
             message.contains("neutral voice") && message.contains("silence"),
             "{message}"
         );
-        // A header before there was a neutral voice ends where it begins.
+        // A header from before the neutral voice existed ends where `neutral_voice` begins.
         options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, neutral_voice);
         let read: AnyfaceMotionOptions = unsafe { versioned_options::read(&options) }.unwrap();
         assert!(read.neutral_voice.is_null());

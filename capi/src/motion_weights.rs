@@ -1,4 +1,4 @@
-//! Motion that is weights of shapes, as the system gave it.
+//! Motion that consists of weights of shapes, as the system made it.
 
 use std::ffi::CString;
 
@@ -23,7 +23,7 @@ impl AnyfaceMotion {
         }
     }
 
-    /// Names of the shapes; none where the motion is no weights.
+    /// Names of the shapes. Empty if the motion does not consist of weights.
     pub(crate) fn shape_names(motion: &Motion) -> Vec<CString> {
         let Motion::Weights(clip) = motion else {
             return Vec::new();
@@ -35,14 +35,15 @@ impl AnyfaceMotion {
     }
 }
 
-/// Number `S` of shapes whose weights the system made, such as the 51 of ARKit that `cafe-talk` moves; 0 for a
-/// system that moves something else, for NULL.
+/// Number `S` of shapes whose weights the system made, such as the 51 ARKit shapes that `cafe-talk`
+/// moves. 0 if the system moves something else, or for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_weight_count(motion: *const AnyfaceMotion) -> usize {
     unsafe { motion.as_ref() }.map_or(0, |motion| motion.names.len())
 }
 
-/// Name of a shape, ARKit's; NULL from the count on, for NULL. Lives as long as the motion.
+/// ARKit's name of a shape. NULL for NULL, or for a number that is not below the count. Lives as
+/// long as the motion.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_weight_name(
     motion: *const AnyfaceMotion,
@@ -51,10 +52,12 @@ pub unsafe extern "C" fn anyface_motion_weight_name(
     pointer::lend(unsafe { motion.as_ref() }.and_then(|motion| motion.names.get(shape)))
 }
 
-/// Copies motion of weights into the caller's buffer: as the system made it, nothing is solved.
+/// Copies motion of weights into the caller's buffer, exactly as the system made it. Nothing is
+/// solved.
 ///
-/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must be `T * S`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no weights.
+/// `buffer`: `[T, S]`, 0 to 1, in the order of `anyface_motion_weight_name()`; `float_count` must
+/// be `T * S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or for motion
+/// of a system that moves no weights.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_copy_weights(
     motion: *const AnyfaceMotion,
@@ -79,7 +82,7 @@ mod tests {
     fn weight_motion() -> AnyfaceMotion {
         let clip = WeightClip {
             names: vec!["jawOpen".to_owned(), "mouthClose".to_owned()],
-            // Columns lie behind each other in memory.
+            // The memory layout is column by column.
             weights: array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]].reversed_axes(),
             fps: 25.0,
             together: Vec::new(),

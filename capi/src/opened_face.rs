@@ -1,4 +1,4 @@
-//! Lips, or lids and eyes, that are one surface, cut apart.
+//! Cuts apart lips, or lids and eyes, that are one surface.
 
 use anyface::{Engine, Face, Result, face::OpenedFace, job::ProgressFn};
 
@@ -13,25 +13,26 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// A mesh whose lips or lids were one surface and can part now, and what each of its pieces was before. Never
-/// changes after it was made: any number of threads may use it at the same time.
+/// A mesh whose lips or lids were one surface and can part now, and the source of each of its
+/// pieces. It never changes once it is made: any number of threads may use it at the same time.
 ///
-/// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
-/// those that were cut in pieces; then what was sewn behind the cut.
+/// Old vertices keep their numbers and positions; new ones follow. Old triangles keep their order,
+/// and pieces replace those that were cut. The surface that was sewn behind the cut follows.
 pub struct AnyfaceOpenedFace(OpenedFace);
 
 const _: () = guard::shared_by_threads::<AnyfaceOpenedFace>();
 
-/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
-/// rest the surface stays the same. The jaw of the result is dropped by 20 mm once, to see that the lips
-/// part smoothly and alike on both sides. Long: accepts a progress handle, which may be NULL.
+/// Parts the lips of a face along the valley between them and sews the inside of a mouth behind
+/// them. At rest the surface stays the same. As a trial, the jaw of the result drops once by 20 mm:
+/// the lips have to part smoothly and equally on both sides. Long: accepts a progress handle,
+/// which may be NULL.
 ///
-/// Whether there is anything to part says `anyface_face_mouth()`: `ANYFACE_MOUTH_WELDED`.
-/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_face_copy_landmarks()`.
+/// Call it if `anyface_face_mouth()` gives `ANYFACE_MOUTH_WELDED`.
+/// Free with `anyface_opened_face_free()`. Prepare the new mesh like any other, with the landmarks
+/// of `anyface_opened_face_copy_landmarks()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
-/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or they do not part well,
-/// `ANYFACE_STATUS_CANCELLED`.
+/// with `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or if they do
+/// not part well, and with `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_open_mouth(
     engine: *const AnyfaceEngine,
@@ -43,15 +44,17 @@ pub unsafe extern "C" fn anyface_open_mouth(
     unsafe { opened(Engine::open_mouth, (engine, face), progress, (out, error)) }
 }
 
-/// Cuts free the eyes of a face that are one surface with their lids: the lids get a lining, the eyes become the fronts of
-/// balls. At rest the surface stays the same. The result blinks once, to see that lids shut over the whole eye.
-/// Long: accepts a progress handle, which may be NULL.
+/// Cuts free the eyes of a face that are one surface with their lids. The lids get a lining, and
+/// the eyes become the fronts of balls. At rest the surface stays the same. As a trial, the result
+/// blinks once: the lids have to cover the whole eye. Long: accepts a progress handle, which
+/// may be NULL.
 ///
-/// Whether there is such an eye says `anyface_face_lids()`: `ANYFACE_LIDS_JOINED`.
-/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_face_copy_landmarks()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one with its lids, `ANYFACE_STATUS_MESH` if no line leads
-/// around an eye or its lids do not shut well, `ANYFACE_STATUS_CANCELLED`.
+/// Call it if `anyface_face_lids()` gives `ANYFACE_LIDS_JOINED`.
+/// Free with `anyface_opened_face_free()`. Prepare the new mesh like any other, with the landmarks
+/// of `anyface_opened_face_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one surface with its lids, with
+/// `ANYFACE_STATUS_MESH` if no line leads around an eye or if its lids do not shut well, and with
+/// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_open_eyes(
     engine: *const AnyfaceEngine,
@@ -63,7 +66,7 @@ pub unsafe extern "C" fn anyface_open_eyes(
     unsafe { opened(Engine::open_eyes, (engine, face), progress, (out, error)) }
 }
 
-/// Opens a face in one way.
+/// Opens the mouth or the eyes of a face, as `open` does.
 unsafe fn opened(
     open: impl FnOnce(&Engine, &Face, ProgressFn<'_>) -> Result<OpenedFace>,
     (engine, face): (*const AnyfaceEngine, *const AnyfaceFace),
@@ -79,7 +82,7 @@ unsafe fn opened(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
+/// Copies the new mesh: `V` vertices and `F` triangles. Free the copy with `anyface_mesh_free()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_face_mesh(
     opened: *const AnyfaceOpenedFace,
@@ -93,8 +96,11 @@ pub unsafe extern "C" fn anyface_opened_face_mesh(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number of the first triangle behind the cut that has the colour of what is before it: the inner sides of lips and lids,
-/// and the rest of eyeballs, up to `anyface_opened_face_first_inside_triangle()`; 0 for NULL.
+/// Number of the first lining triangle; 0 for NULL.
+///
+/// Triangles from this one up to `anyface_opened_face_first_inside_triangle()` lie behind the cut
+/// and have the colour of the surface in front of them: inner sides of lips and lids, and the rest
+/// of eyeballs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_face_first_lining_triangle(
     opened: *const AnyfaceOpenedFace,
@@ -102,7 +108,8 @@ pub unsafe extern "C" fn anyface_opened_face_first_lining_triangle(
     unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_lining_triangle)
 }
 
-/// Number of the first triangle of the mouth's inside behind the lips, `F` where eyes were opened; 0 for NULL.
+/// Number of the first triangle of the inside of the mouth behind the lips. `F` if eyes were
+/// opened; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_face_first_inside_triangle(
     opened: *const AnyfaceOpenedFace,
@@ -110,10 +117,11 @@ pub unsafe extern "C" fn anyface_opened_face_first_inside_triangle(
     unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_inside_triangle)
 }
 
-/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices behind
-/// the cut take what lies before them at its rim.
+/// Copies the old vertices that each vertex is a mixture of, for vertex groups and shape keys.
+/// Vertices behind the cut take the mixture of the rim in front of them.
 ///
-/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
+/// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, their shares, sum 1. `count`
+/// must be `V * 3`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_face_copy_vertex_sources(
@@ -137,12 +145,12 @@ pub unsafe extern "C" fn anyface_opened_face_copy_vertex_sources(
     unsafe { guard::guard(error, work) }
 }
 
-/// Copies which old triangle each triangle was cut from, for materials, and where in it its corners lie,
-/// for texture coordinates and normals.
+/// Copies the old triangle that each triangle was cut from, for materials, and where its corners
+/// lie in that old triangle, for texture coordinates and normals.
 ///
-/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares of the
-/// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
+/// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares
+/// of the old triangle's three corners, sum 1. `triangle_count` must be `F`, and `share_count` must
+/// be `F * 9`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for other counts.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_opened_face_copy_triangle_sources(
     opened: *const AnyfaceOpenedFace,
@@ -166,7 +174,8 @@ pub unsafe extern "C" fn anyface_opened_face_copy_triangle_sources(
     unsafe { guard::guard(error, work) }
 }
 
-/// Copies the landmarks of the new mesh, those of the inner lips, or of the lids, on their own rim.
+/// Copies the landmarks of the new mesh. Those of the inner lips, or of the lids, lie on their own
+/// rim.
 ///
 /// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
 #[unsafe(no_mangle)]
@@ -203,7 +212,7 @@ mod tests {
     };
     use std::ptr::{null, null_mut};
 
-    /// Two triangles, of which the second was cut from the first.
+    /// Two triangles that were cut from one old triangle.
     fn example() -> AnyfaceOpenedFace {
         let source = |corners| TriangleSource {
             triangle: 0,

@@ -1,4 +1,4 @@
-//! Raw pointers become checked borrows, results go out through checked pointers.
+//! Turns raw pointers into checked borrows, and writes results through checked pointers.
 
 use std::{
     ffi::{CStr, CString},
@@ -10,7 +10,7 @@ use libc::c_char;
 
 use crate::error::Failure;
 
-/// A handle that must be there.
+/// Borrows a handle that must not be NULL.
 ///
 /// # Safety
 /// `handle` is NULL or valid for reads for the lifetime that the caller uses.
@@ -18,7 +18,7 @@ pub(crate) unsafe fn handle<'a, T>(name: &'static str, handle: *const T) -> Resu
     unsafe { handle.as_ref() }.ok_or(Failure::Null(name))
 }
 
-/// Handles that must be there, called as the caller calls them.
+/// Borrows several handles that must not be NULL. The error for a NULL one names its variable.
 macro_rules! handles {
     ($($name:ident),+) => {
         ($(unsafe { $crate::pointer::handle(stringify!($name), $name) }?),+)
@@ -26,7 +26,7 @@ macro_rules! handles {
 }
 pub(crate) use handles;
 
-/// A handle that must be there and that the call changes.
+/// Borrows a handle that must not be NULL and that the call changes.
 ///
 /// # Safety
 /// `handle` is NULL or valid for reads and writes for the lifetime that the caller uses, and no
@@ -38,7 +38,7 @@ pub(crate) unsafe fn handle_mut<'a, T>(
     unsafe { handle.as_mut() }.ok_or(Failure::Null(name))
 }
 
-/// `rows` × `columns` values; NULL is allowed where there are none.
+/// Borrows `rows` × `columns` values. NULL is allowed if that is 0.
 ///
 /// # Safety
 /// `values` is NULL or valid for reads of `rows * columns` values.
@@ -56,7 +56,7 @@ pub(crate) unsafe fn slice<'a, T>(
     Ok(unsafe { std::slice::from_raw_parts(values, length) })
 }
 
-/// Makes sure that there is room for `rows` × `columns` results; NULL is allowed where none fit.
+/// Checks a buffer for `rows` × `columns` results. NULL is allowed if that is 0.
 pub(crate) fn check_room<T>(
     name: &'static str,
     buffer: *mut T,
@@ -69,7 +69,7 @@ pub(crate) fn check_room<T>(
     }
 }
 
-/// Copies `values` into the caller's buffer, whose `capacity` must be the length exactly.
+/// Copies `values` into the caller's buffer. `capacity` must be exactly their number.
 ///
 /// # Safety
 /// `buffer` is NULL or valid for writes of `capacity` values.
@@ -93,10 +93,10 @@ pub(crate) unsafe fn copy_out<T: Copy>(
     Ok(())
 }
 
-/// Copies `values` into a buffer of the caller that has room for them; NULL takes none.
+/// Copies `values` into a buffer of the caller that has room for them. Does nothing for NULL.
 ///
 /// # Safety
-/// `buffer` is NULL or valid for writes of as many values.
+/// `buffer` is NULL or valid for writes of `values.len()` values.
 pub(crate) unsafe fn copy_where_asked<T: Copy>(
     name: &'static str,
     values: &[T],
@@ -108,7 +108,7 @@ pub(crate) unsafe fn copy_where_asked<T: Copy>(
     }
 }
 
-/// What a number of the caller stands for among `known` ones, which count from 0 on.
+/// Looks up the meaning of the caller's number in `known`, whose numbers count up from 0.
 pub(crate) fn one_of<T, const N: usize>(
     name: &'static str,
     code: i32,
@@ -121,7 +121,7 @@ pub(crate) fn one_of<T, const N: usize>(
     })
 }
 
-/// A string that must be there.
+/// Reads a string that must not be NULL.
 ///
 /// # Safety
 /// `text` is NULL or a NUL-terminated string.
@@ -138,7 +138,7 @@ pub(crate) unsafe fn text<'a>(name: &'static str, text: *const c_char) -> Result
     })
 }
 
-/// A string that may be NULL.
+/// Reads a string that may be NULL.
 ///
 /// # Safety
 /// As [`text`].
@@ -152,7 +152,7 @@ pub(crate) unsafe fn optional_text<'a>(
     }
 }
 
-/// A file name.
+/// Reads a file name, which must not be empty.
 ///
 /// # Safety
 /// As [`text`].
@@ -168,17 +168,17 @@ pub(crate) unsafe fn path<'a>(
     }
 }
 
-/// Makes sure that a result will have a place, before the work is done.
+/// Checks the pointer that a result will be written to, before the work is done.
 pub(crate) fn check_out<T>(name: &'static str, out: *mut T) -> Result<(), Failure> {
     check_pointer(name, out.cast_const())
 }
 
-/// A text of the library as C has it; a NUL in it becomes a space.
+/// Turns a text of the library into a C string. A NUL in it becomes a space.
 pub(crate) fn c_text(text: &str) -> CString {
     CString::new(text.replace('\0', " ")).unwrap_or_default()
 }
 
-/// Lends a text that lives as long as its owner; NULL where there is none.
+/// Lends a text that lives as long as its owner. NULL if there is no text.
 pub(crate) fn lend(text: Option<&CString>) -> *const c_char {
     text.map_or(null(), |text| text.as_ptr())
 }

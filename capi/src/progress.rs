@@ -13,34 +13,36 @@ use libc::{c_char, c_int, c_void};
 
 use crate::{error::Failure, guard, pointer, status::AnyfaceStatus};
 
-/// Receives progress; any result but 0 asks the job to stop.
+/// Receives progress. Any result other than 0 asks the job to stop.
 ///
-/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or another;
-/// lives as long as the progress handle. `fraction`: share of that stage that is done, 0 to 1.
-/// Called from a thread of the library, which may differ from the one that started the job and
-/// from call to call; never twice at the same time for one handle. It must not throw or longjmp,
+/// `stage`: "speech", "motion", "landmarks", "operators", "weights", "deform", "compress" or
+/// another name. It lives as long as the progress handle. `fraction`: how much of that stage is
+/// done, 0 to 1. The library calls it from a thread that may differ from the one that started the
+/// job, and from call to call. Calls for one handle never overlap. It must not throw or longjmp,
 /// and must not start a job with the same handle.
 pub type AnyfaceProgressFn =
     Option<unsafe extern "C" fn(user: *mut c_void, stage: *const c_char, fraction: f32) -> c_int>;
 
 /// Watches and stops jobs.
 ///
-/// Handed to a long call, it can be read and cancelled from any other thread while the call runs.
-/// It may accompany several calls one after the other; one that was cancelled stays so.
+/// Pass the handle to a long call. Any other thread can then read and cancel it while the call
+/// runs. One handle may serve several calls one after the other. Once cancelled, it stays
+/// cancelled.
 pub struct AnyfaceProgress {
     callback: AnyfaceProgressFn,
     user: *mut c_void,
-    /// Stage number in the upper half, bits of the fraction in the lower: read as one.
+    /// Stage number in the upper half, bits of the fraction in the lower half, so that both are
+    /// read at once.
     state: AtomicU64,
     cancelled: AtomicBool,
-    /// Every stage seen so far; number 0 is "" for a job that has not begun.
+    /// Every stage seen so far. Number 0 is "", for a job that has not begun.
     stages: Mutex<Vec<(&'static str, CString)>>,
     /// Held during the callback, so that calls never overlap.
     calling: Mutex<()>,
 }
 
-// The caller vouches for `user` and `callback`: the header says that they are used from the
-// library's threads.
+// The header says that the library's threads use `user` and `callback`. The caller vouches that
+// this is safe.
 unsafe impl Send for AnyfaceProgress {}
 unsafe impl Sync for AnyfaceProgress {}
 
@@ -56,7 +58,7 @@ impl AnyfaceProgress {
         }
     }
 
-    /// Takes a report of the library; `false` asks it to stop.
+    /// Takes a progress report of the library. Returns `false` to ask it to stop.
     fn report(&self, progress: Progress) -> bool {
         if self.cancelled.load(Ordering::Relaxed) {
             return false;
@@ -76,7 +78,7 @@ impl AnyfaceProgress {
         !stop
     }
 
-    /// Number and C string of a stage; the string stays in place until the handle is freed.
+    /// Number and C string of a stage. The string stays in place until the handle is freed.
     fn intern(&self, name: &'static str) -> (u64, *const c_char) {
         let mut stages = lock(&self.stages);
         let known = stages.iter().position(|(stage, _)| *stage == name);
@@ -101,7 +103,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs a job of the library with the caller's progress handle; NULL watches nothing.
+/// Runs a job of the library with the caller's progress handle. NULL means that nobody watches it.
 ///
 /// # Safety
 /// `progress` is NULL or a live handle.
@@ -116,10 +118,11 @@ pub(crate) unsafe fn watched<T>(
     Ok(result?)
 }
 
-/// A handle that watches and stops jobs; never NULL.
+/// Makes a handle that watches and stops jobs. The result is never NULL. Free with
+/// `anyface_progress_free()`.
 ///
-/// `callback` may be NULL for a program that reads with `anyface_progress_read()` instead. `user`
-/// is passed to the callback as it is.
+/// `callback` may be NULL if the program calls `anyface_progress_read()` instead. `user` is passed
+/// to the callback unchanged.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_progress_new(
     callback: AnyfaceProgressFn,
@@ -128,10 +131,10 @@ pub extern "C" fn anyface_progress_new(
     Box::into_raw(Box::new(AnyfaceProgress::new(callback, user)))
 }
 
-/// Reads how far the job is; from any thread, at any time.
+/// Reads how far the job is. May be called from any thread at any time.
 ///
 /// `stage` receives the name of the stage ("" before the first), which lives until the handle is
-/// freed; `fraction` the share of it that is done, 0 to 1. Either may be NULL.
+/// freed. `fraction` receives how much of that stage is done, 0 to 1. Either may be NULL.
 /// Fails with `ANYFACE_STATUS_NULL_POINTER` if `progress` is NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_progress_read(
@@ -152,8 +155,8 @@ pub unsafe extern "C" fn anyface_progress_read(
     unsafe { guard::guard(std::ptr::null_mut(), read) }
 }
 
-/// Asks the job to stop, from any thread; the running call returns `ANYFACE_STATUS_CANCELLED` as
-/// soon as it can. Nothing happens for NULL.
+/// Asks the job to stop. May be called from any thread. The running call returns
+/// `ANYFACE_STATUS_CANCELLED` as soon as it can. Nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_progress_cancel(progress: *const AnyfaceProgress) {
     if let Some(progress) = unsafe { progress.as_ref() } {
@@ -172,7 +175,7 @@ mod tests {
     use super::*;
     use std::{ffi::CStr, ptr::null_mut};
 
-    /// Counts calls in `user`, asks to stop at the third.
+    /// Counts calls in `user` and asks to stop at the third.
     unsafe extern "C" fn third_time(user: *mut c_void, _: *const c_char, _: f32) -> c_int {
         let calls = unsafe { &mut *user.cast::<i32>() };
         *calls += 1;

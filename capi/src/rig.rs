@@ -23,11 +23,11 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. Never changes after it was made: any
+/// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
 /// number of threads may use it at the same time.
 pub struct AnyfaceRig {
     rig: Arc<Rig>,
-    /// What it is a rig of.
+    /// The mesh that the shapes belong to.
     pub(crate) mesh: Arc<Mesh>,
     landmarks: Landmarks,
     names: Vec<CString>,
@@ -62,11 +62,11 @@ impl AnyfaceRig {
     }
 }
 
-/// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
-/// accepts a progress handle.
+/// Makes the shapes of a mesh with the engine's network. The landmarks come from the options, or
+/// else they are found on the mesh. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL; the options' controls have no effect. The mesh may be freed
-/// afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+/// `options` and `progress` may be NULL. The options' controls have no effect. The mesh may be
+/// freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_new(
     engine: *const AnyfaceEngine,
@@ -87,12 +87,13 @@ pub unsafe extern "C" fn anyface_rig_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
-/// mesh; teeth, tongue, eyeballs and brows stay as they are there. Long: accepts a progress handle.
+/// Makes the shapes of `anyface_rig_new()`, but with the skin moved by a field: that of the head in
+/// FaceTalk's model that is most like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut"
+/// stay as `anyface_rig_new()` makes them. Long: accepts a progress handle.
 ///
-/// `in_betweens`: not 0 for ARKit's shapes at half their weight as well, "NAME_half" behind all others: the face at weight
-/// 0.5, which need not lie halfway. The rest as for `anyface_rig_new()`. Fails with
-/// `ANYFACE_STATUS_INVALID_INPUT` where no head of the model is like the face.
+/// `in_betweens`: if not 0, one more shape "NAME_half" for each of ARKit's shapes follows at the
+/// end: the face at weight 0.5, which need not lie halfway. All else is as for `anyface_rig_new()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_new_by_field(
     engine: *const AnyfaceEngine,
@@ -115,14 +116,14 @@ pub unsafe extern "C" fn anyface_rig_new_by_field(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
+/// Number `S` of shapes. The 52 ARKit shapes come first. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_shape_count(rig: *const AnyfaceRig) -> usize {
     unsafe { rig.as_ref() }.map_or(0, |rig| rig.names.len())
 }
 
-/// Name of a shape, such as "jawOpen" or "viseme_aa"; lives until the rig is freed. NULL for NULL or
-/// a number that is not below the count.
+/// Name of a shape, such as "jawOpen" or "viseme_aa". It lives until the rig is freed. NULL for
+/// NULL or a number that is not below the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_shape_name(
     rig: *const AnyfaceRig,
@@ -131,8 +132,9 @@ pub unsafe extern "C" fn anyface_rig_shape_name(
     pointer::lend(unsafe { rig.as_ref() }.and_then(|rig| rig.names.get(shape)))
 }
 
-/// Why a shape moves nothing, or what in it does not move, in words; lives until the rig is freed.
-/// NULL where there is nothing to say.
+/// Says in words why a shape moves nothing, or which part of it does not move. The text lives until
+/// the rig is freed. NULL if there is nothing to say, for NULL, or for a number that is not below
+/// the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_shape_note(
     rig: *const AnyfaceRig,
@@ -167,14 +169,16 @@ pub unsafe extern "C" fn anyface_rig_copy_shape(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
-/// Writes the rig as a file whose kind follows from the end of its name.
+/// Writes the rig as a file. The ending of its name sets the kind.
 ///
-/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes
-/// under the names of Perfect Sync. `source`: the file that the mesh was read from, or NULL; of a VRM (1.0 or 0) all else stays
-/// that it has, expressions of the same names become new ones. Other meshes stand on the fewest bones that VRM 1.0 allows.
-/// `path` and `source`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or a source with bones that is no VRM, `ANYFACE_STATUS_IO`
-/// if a file cannot be read or written; then nothing is left of it.
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's
+/// expressions, and the 52 ARKit shapes under the names of Perfect Sync.
+/// `source`: the file that the mesh was read from, or NULL. If it is a VRM (1.0 or 0), all else in
+/// it stays, and new expressions replace those of the same name. Any other mesh gets the smallest
+/// skeleton that VRM 1.0 allows. `path` and `source`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a source that has bones but
+/// is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
+/// file is left behind.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_write(
     rig: *const AnyfaceRig,

@@ -1,4 +1,4 @@
-//! What a finished take may still change without a new run.
+//! The aspects of a finished take that can still be scaled without a new run.
 
 use anyface::{SliderChange, systems::Slider};
 
@@ -15,30 +15,31 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Something of a take that can be scaled; 1 is the take as it was made.
+/// An aspect of a take that can be scaled. At 1 the take stays as it was made.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceSlider {
-    /// What speech does to mouth and jaw: 0 to 2.
+    /// How far speech moves the mouth and the jaw: 0 to 2.
     Articulation = 0,
     /// How strongly the emotion shows: 0 to 1.5. Blinks stay where they are.
     Emotion = 1,
-    /// How far the eyes close: 0 to 1.
+    /// How far the eyes close in blinks: 0 to 1.
     Blinks = 2,
-    /// What emotion and blinks change together beyond what each does alone. Not for a user: with
-    /// emotion at e and blinks at b it stands at 1 - (1 - e) * (1 - b).
+    /// The change that emotion and blinks make together, beyond what each makes alone. Do not offer
+    /// it to users: with emotion at e and blinks at b, set it to 1 - (1 - e) * (1 - b).
     EmotionAndBlinks = 3,
 }
 
-/// What each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
+/// The change that each slider adds to the weights of a basis: `weight[t][k] + change[t][k]`.
 ///
-/// A slider has `N` knots, rising and none of them 1, where nothing is added. Between them and 1 the
-/// change is linear, beyond the last one it stays. Changes of several sliders add up. Never changes
-/// after it was made: any number of threads may read it at the same time.
+/// A slider has `N` knots in rising order. 1 is never among them, because nothing is added there.
+/// The change is linear from knot to knot, where 1 counts as a knot without change, and constant
+/// beyond the outermost. The changes of several sliders add up. The object never changes once it is
+/// made: any number of threads may read it at the same time.
 pub struct AnyfaceSliders(Vec<SliderChange>);
 
 impl AnyfaceSliders {
-    /// The change of a slider; none where it moves nothing.
+    /// The change of a slider. `None` if it moves nothing.
     fn of(&self, slider: i32) -> Result<Option<&SliderChange>, Failure> {
         let slider = known(slider)?;
         Ok(self.0.iter().find(|change| change.slider == slider))
@@ -59,12 +60,13 @@ pub(crate) fn known(slider: i32) -> Result<Slider, Failure> {
     )
 }
 
-/// Finds what the sliders of a take change. Long: accepts a progress handle.
+/// Computes the changes that the sliders of a take make. Long: accepts a progress handle.
 ///
-/// `motion` is that of `anyface_motion_new()`, `clip` the same motion on `face`, and `basis` that clip
-/// as few shapes. Motion that the caller brought has no sliders. `progress` may be NULL. Free with
-/// `anyface_sliders_free()`; everything else may go before.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion,
+/// `motion` comes from `anyface_motion_new()`, `clip` is the same motion on `face`, and `basis` is
+/// that clip reduced to a few shapes. Motion that the caller brought, or that was redone or cut,
+/// has no sliders. `progress` may be NULL. Free with `anyface_sliders_free()`; everything else may
+/// be freed first.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion, and with
 /// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sliders_new(
@@ -93,7 +95,8 @@ pub unsafe extern "C" fn anyface_sliders_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number `N` of knots of an `AnyfaceSlider`; 0 where it moves nothing, for another number, for NULL.
+/// Number `N` of knots of an `AnyfaceSlider`. 0 if it moves nothing, for an unknown slider, or for
+/// NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sliders_knot_count(
     sliders: *const AnyfaceSliders,
@@ -122,9 +125,9 @@ pub unsafe extern "C" fn anyface_sliders_copy_knots(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
-/// Copies what an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
+/// Copies the changes that an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
 ///
-/// `buffer`: `[N, T, K]`, in the weights of the basis; `float_count` must be `N * T * K`.
+/// `buffer`: `[N, T, K]`, changes of the basis's weights; `float_count` must be `N * T * K`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or slider.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sliders_copy_changes(

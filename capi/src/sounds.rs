@@ -1,4 +1,5 @@
-//! What is said when: heard, read from files of other tools, written for them.
+//! Sounds of speech and their times: heard in a sound, read from files of other tools, or written
+//! for them.
 
 use std::ffi::CString;
 
@@ -19,7 +20,7 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// What is said beside the closures.
+/// The kinds of labelled intervals that sounds have besides the lip closures.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceTier {
@@ -27,11 +28,11 @@ pub enum AnyfaceTier {
     Phones = 0,
     /// Words.
     Words = 1,
-    /// Mouths of a chart.
+    /// Mouths of a mouth chart.
     Mouths = 2,
 }
 
-/// The mouths that a chart is drawn with.
+/// The set of mouths that a chart is drawn with.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceMouths {
@@ -41,10 +42,11 @@ pub enum AnyfaceMouths {
     PrestonBlair = 1,
 }
 
-/// Sounds of speech and their times: heard in a sound, or read from a file. Never changes after it was made.
+/// Sounds of speech and their times: heard in a sound, read from a file, or drawn as a mouth chart.
+/// It never changes once it is made.
 pub struct AnyfaceSounds {
     annotation: Annotation,
-    /// `[n][2]`, where the lips are together.
+    /// `[n][2]`: start and end in seconds of the intervals in which the lips are together.
     closures: Vec<[f64; 2]>,
     /// Labels of phones, of words and of mouths.
     labels: [Vec<CString>; 3],
@@ -53,7 +55,7 @@ pub struct AnyfaceSounds {
 impl AnyfaceSounds {
     fn of(annotation: Annotation) -> Result<AnyfaceSounds, Failure> {
         let closures = annotation.closures()?;
-        // By the numbers of `AnyfaceTier`.
+        // In the order of the numbers of `AnyfaceTier`.
         let tiers = [Symbols::Phones, Symbols::Words, mouths_of(&annotation)];
         let labels = tiers.map(|tier| {
             let intervals = annotation.intervals(tier).iter();
@@ -81,7 +83,7 @@ impl AnyfaceSounds {
     }
 }
 
-/// The mouths that are there: Rhubarb's, else Papagayo's.
+/// The set of mouths that the annotation has: Rhubarb's, or else Papagayo's.
 fn mouths_of(annotation: &Annotation) -> Symbols {
     match annotation.intervals(Symbols::Rhubarb).is_empty() {
         true => Symbols::Papagayo,
@@ -89,13 +91,14 @@ fn mouths_of(annotation: &Annotation) -> Symbols {
     }
 }
 
-/// Draws a mouth chart: which of a few drawn mouths stands in each frame of a clip, by how far the lips are apart, how wide
-/// the mouth is, and what is said.
+/// Draws a mouth chart: it selects one of a few drawn mouths for each frame of a clip.
 ///
-/// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
-/// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
-/// which a mouth stands, 1 to 240; `closure_hold` and `vowel_hold`: the same of lips that close for p, b and m, and of the
-/// mouths of vowels, 0 for `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// The choice depends on how far the lips are apart, how wide the mouth is, and what is said.
+/// `said`: when the lips close and which phones are said, from `anyface_sounds_new_with_text()` or
+/// a file; may be NULL. `mouths`: an `AnyfaceMouths`. `on`: mouths change only at every `on`-th
+/// frame, 1 to 240. `hold`: the fewest frames for which a mouth stays, 1 to 240. `closure_hold` and
+/// `vowel_hold`: the same for lips that close for p, b and m, and for the mouths of vowels; 0 takes
+/// `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
 /// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_new_chart(
@@ -143,7 +146,8 @@ pub unsafe extern "C" fn anyface_sounds_new_chart(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.
+/// Listens to a sound and finds the times at which the lips are together, for p, b, m and similar
+/// sounds.
 ///
 /// Free with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use.
 #[unsafe(no_mangle)]
@@ -161,13 +165,14 @@ pub unsafe extern "C" fn anyface_sounds_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Listens to a sound for its phones and, where `text` says them, its words, beside the closures of
-/// `anyface_sounds_new()`, which stay the same and alone close lips.
+/// Listens to a sound and finds its closures, its phones and, if `text` is given, the times of its
+/// words. The closures are the same as those of `anyface_sounds_new()`. They alone decide when the
+/// lips close.
 ///
-/// `text`: UTF-8, the words that are said in the sound; NULL where nobody knows them. Free with
-/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use,
-/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound,
-/// `ANYFACE_STATUS_WEIGHTS` for an engine with a speech encoder of the user's own.
+/// `text`: UTF-8, the words that are said in the sound; NULL if they are not known. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, with
+/// `ANYFACE_STATUS_INVALID_INPUT` for a text without a letter or too long for the sound, and with
+/// `ANYFACE_STATUS_WEIGHTS` for an engine with the user's own speech encoder.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_new_with_text(
     engine: *const AnyfaceEngine,
@@ -185,12 +190,13 @@ pub unsafe extern "C" fn anyface_sounds_new_with_text(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo
-/// (Papagayo), .dat (Moho), .txt (lines of start, end and label).
+/// Reads sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or
+/// .json (Rhubarb), .pgo (Papagayo), .dat (Moho), .txt (lines of start, end and label).
 ///
-/// `path`: UTF-8. `fps`: frames per second that .dat counts, 1 to 240. Free with `anyface_sounds_free()`.
-/// Fails with `ANYFACE_STATUS_IO` if the file cannot be read, `ANYFACE_STATUS_INVALID_INPUT` for another
-/// ending, a line that cannot be read, or words alone.
+/// `path`: UTF-8. `fps`: the frames per second of the frame numbers in .dat, 1 to 240. Free with
+/// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_IO` if the file cannot be read, and with
+/// `ANYFACE_STATUS_INVALID_INPUT` for another ending, a line that cannot be read, or a file that
+/// has only words.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_read(
     path: *const c_char,
@@ -207,11 +213,11 @@ pub unsafe extern "C" fn anyface_sounds_read(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Writes sounds as a file of the kind that its ending names, as `anyface_sounds_read()` lists them.
+/// Writes sounds as a file. Its ending sets the kind; `anyface_sounds_read()` lists the kinds.
 ///
-/// `path`: UTF-8. `fps`: frames per second that .pgo and .dat count, 1 to 240.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, `ANYFACE_STATUS_IO` if the file cannot be
-/// written; then nothing is left of it.
+/// `path`: UTF-8. `fps`: the frames per second of the frame numbers in .pgo and .dat, 1 to 240.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or with `ANYFACE_STATUS_IO` if the
+/// file cannot be written; in that case no file is left behind.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_write(
     sounds: *const AnyfaceSounds,
@@ -230,14 +236,14 @@ pub unsafe extern "C" fn anyface_sounds_write(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number `n` of intervals in which the lips are together; 0 for NULL.
+/// Number `n` of intervals in which the lips are together. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_closure_count(sounds: *const AnyfaceSounds) -> usize {
     unsafe { sounds.as_ref() }.map_or(0, |sounds| sounds.closures.len())
 }
 
-/// Copies the intervals in which the lips are together into the caller's buffer, as
-/// `AnyfaceMotionOptions` takes them.
+/// Copies the intervals in which the lips are together into the caller's buffer, in the form that
+/// `AnyfaceMotionOptions` takes.
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
@@ -255,8 +261,8 @@ pub unsafe extern "C" fn anyface_sounds_copy_closures(
     unsafe { guard::copy(buffer, double_count, error, values) }
 }
 
-/// Number `n` of intervals of an `AnyfaceTier`; 0 where nothing is known of it, for another number, for
-/// NULL.
+/// Number `n` of intervals of an `AnyfaceTier`. 0 if the sounds have no such intervals, for an
+/// unknown tier, or for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_interval_count(
     sounds: *const AnyfaceSounds,
@@ -266,8 +272,9 @@ pub unsafe extern "C" fn anyface_sounds_interval_count(
     intervals.map_or(0, <[Interval]>::len)
 }
 
-/// Label of an interval of an `AnyfaceTier`: a phone (IPA) or a word; lives until the sounds are freed.
-/// NULL for NULL or a number that is not below the count.
+/// Label of an interval of an `AnyfaceTier`: a phone (IPA, or as a file spells it), a word or a
+/// mouth. It lives until the sounds are freed. NULL for NULL, an unknown tier, or a number that is
+/// not below the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_label(
     sounds: *const AnyfaceSounds,
@@ -300,7 +307,7 @@ pub unsafe extern "C" fn anyface_sounds_copy_intervals(
     unsafe { guard::copy(buffer, double_count, error, values) }
 }
 
-/// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.
+/// 1 if a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0. 0 for NULL.
 ///
 /// `label`: UTF-8.
 #[unsafe(no_mangle)]
@@ -310,7 +317,7 @@ pub unsafe extern "C" fn anyface_sounds_label_closes_lips(label: *const c_char) 
     label.ok().flatten().is_some_and(closes).into()
 }
 
-/// Frees sounds; NULL is fine.
+/// Frees sounds that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_free(sounds: *mut AnyfaceSounds) {
     unsafe { guard::free(sounds) }

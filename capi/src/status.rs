@@ -4,15 +4,15 @@ use std::ffi::CStr;
 
 use libc::c_char;
 
-/// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
+/// How a call ended. The codes from 3 on are also the exit codes of the `anyface` command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceStatus {
-    /// It did what was asked.
+    /// The call succeeded.
     Ok = 0,
     /// A pointer that must not be NULL was NULL.
     NullPointer = 1,
-    /// A defect in the library, caught; the handles of the call stay valid and can be freed.
+    /// A defect in the library, which was caught. The call's handles stay valid and can be freed.
     Panic = 2,
     /// A value outside its stated range, NaN, an unknown name, text that is not UTF-8, or an array
     /// of the wrong length.
@@ -21,9 +21,9 @@ pub enum AnyfaceStatus {
     Audio = 4,
     /// A mesh that cannot be read or used.
     Mesh = 5,
-    /// No face was found on the mesh; the message says why and what would help.
+    /// No face was found on the mesh. The message says why and what would help.
     FaceNotFound = 6,
-    /// Weights that are missing, truncated or do not fit their config.
+    /// Model weights that are missing or truncated, or that do not fit their config.
     Weights = 7,
     /// A file that could not be read or written.
     Io = 8,
@@ -31,7 +31,7 @@ pub enum AnyfaceStatus {
     Cancelled = 9,
     /// A numerical method that did not converge, or a defect in the library.
     Internal = 10,
-    /// A result that does not fit into memory: take it block by block, as `anyface_clip_stream()` gives it.
+    /// A result that does not fit into memory. Take it block by block from `anyface_clip_stream()`.
     OutOfMemory = 13,
 }
 
@@ -69,7 +69,7 @@ impl AnyfaceStatus {
         }
     }
 
-    /// The status with this number; C can hand over any.
+    /// The status with this number. `None` if there is none, because C can pass any number.
     fn from_code(code: i32) -> Option<Self> {
         const ALL: [AnyfaceStatus; 12] = [
             AnyfaceStatus::Ok,
@@ -89,7 +89,7 @@ impl AnyfaceStatus {
     }
 }
 
-/// A short name of a status, such as "face not found"; "unknown" for a number that is none.
+/// A short name of a status, such as "face not found". "unknown" for a number that is no status.
 ///
 /// The text lives as long as the library is loaded.
 #[unsafe(no_mangle)]

@@ -9,8 +9,8 @@ use crate::{
 
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
 ///
-/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
-/// one thread at a time.
+/// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
+/// a time may use a stream.
 pub struct AnyfaceStream(Box<dyn MotionStream>);
 
 const fn moves_between_threads<T: Send>() {}
@@ -18,10 +18,10 @@ const _: () = moves_between_threads::<AnyfaceStream>();
 
 const FRAME_FLOATS: usize = LANDMARKS * 3;
 
-/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
-/// needs the whole sound.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system
+/// that needs the whole sound.
 ///
-/// It may outlive the engine. Free with `anyface_stream_free()`.
+/// The stream may outlive the engine. Free with `anyface_stream_free()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_new(
     engine: *const AnyfaceEngine,
@@ -36,11 +36,11 @@ pub unsafe extern "C" fn anyface_stream_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+/// Takes sound and only stores it. An audio thread that may allocate can call it.
 ///
-/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
-/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
-/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, including 0.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, in which case none of them is
+/// taken, and with `ANYFACE_STATUS_INVALID_INPUT` after `anyface_stream_finish()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_push(
     stream: *mut AnyfaceStream,
@@ -56,11 +56,11 @@ pub unsafe extern "C" fn anyface_stream_push(
     unsafe { guard::guard(error, work) }
 }
 
-/// Computes the frames that are ready, as many as the buffer has room for.
+/// Computes the frames that are ready, at most as many as the buffer has room for.
 ///
-/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres; frame `t` of the
-/// stream, counted over all pulls, stands at `t / 25` seconds of the sound.
-/// `frame_count` receives how many were written; 0 where more sound is needed, or where the
+/// `buffer`: `[frame_room, 68, 3]`, displacements from the neutral face in metres. Frame `t` of the
+/// stream, counted over all pulls, is at `t / 25` seconds of the sound.
+/// `frame_count` receives the number of frames written. It is 0 if more sound is needed or the
 /// performance is over.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_pull(
@@ -101,7 +101,7 @@ pub unsafe extern "C" fn anyface_stream_pull(
     unsafe { guard::guard(error, work) }
 }
 
-/// Ends the sound: silence follows, and every frame that began can be pulled.
+/// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
 ///
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 #[unsafe(no_mangle)]
@@ -117,7 +117,7 @@ pub unsafe extern "C" fn anyface_stream_finish(
     unsafe { guard::guard(error, work) }
 }
 
-/// Emotion from the next frame on, that is the first one of the next pull.
+/// Sets the emotion from the next frame on, which is the first one of the next pull.
 ///
 /// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
@@ -135,9 +135,12 @@ pub unsafe extern "C" fn anyface_stream_set_emotion(
     unsafe { guard::guard(error, work) }
 }
 
-/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
-/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+/// Limits the look-ahead to `seconds`. Call it before the first sound.
+///
+/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
+/// 0 s ahead. Without this call a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
+/// the first sound.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_look_ahead(
     stream: *mut AnyfaceStream,
@@ -152,7 +155,8 @@ pub unsafe extern "C" fn anyface_stream_look_ahead(
     unsafe { guard::guard(error, work) }
 }
 
-/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
+/// Lets every sound move the face from the next frame on, including singing, music and noise.
+/// Before this call, only speech does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_hear_all(
     stream: *mut AnyfaceStream,
@@ -167,7 +171,7 @@ pub unsafe extern "C" fn anyface_stream_hear_all(
     unsafe { guard::guard(error, work) }
 }
 
-/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+/// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_latency_s(stream: *const AnyfaceStream) -> f64 {
     unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.0.latency_s())

@@ -14,19 +14,19 @@ use crate::{
     versioned_options::{self, Versioned},
 };
 
-/// What the numbers of a control mean; for `AnyfaceControl`.
+/// The meaning of a control's numbers; for `AnyfaceControl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceControlValues {
-    /// Any number of the range.
+    /// Any number within the range.
     Real = 0,
-    /// Whole numbers of the range.
+    /// Whole numbers within the range.
     Whole = 1,
     /// The number of one of `choices`.
     Choice = 2,
 }
 
-/// What a control acts on; for `AnyfaceControl`.
+/// The stage that a control changes; for `AnyfaceControl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceControlStage {
@@ -36,23 +36,23 @@ pub enum AnyfaceControlStage {
     Motion = 1,
 }
 
-/// Something that a system lets its user change. All texts live as long as the library is loaded.
+/// A setting that a system lets its user change. All texts live as long as the library is loaded.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct AnyfaceControl {
-    /// Bytes of this struct in the caller's header.
+    /// Size in bytes of this struct in the caller's header.
     pub struct_size: usize,
-    /// By which it is set, such as "blinks_per_minute".
+    /// The name by which it is set, such as "blinks_per_minute".
     pub name: *const c_char,
-    /// Its name for people.
+    /// The name to show to people.
     pub label: *const c_char,
-    /// A sentence or two of help.
+    /// One or two sentences of help.
     pub help: *const c_char,
     /// The unit of its numbers: "s", "per_minute", or "".
     pub unit: *const c_char,
-    /// `[choice_count]` names of a choice; NULL otherwise.
+    /// `[choice_count]`: the names of the choices; NULL if `values` is not a choice.
     pub choices: *const *const c_char,
-    /// Number of names of a choice.
+    /// Number of names in `choices`.
     pub choice_count: usize,
     /// An `AnyfaceControlValues`.
     pub values: i32,
@@ -62,13 +62,13 @@ pub struct AnyfaceControl {
     pub low: f32,
     /// The largest number.
     pub high: f32,
-    /// The number where nothing is set.
+    /// The number that applies if a user sets none.
     pub default_value: f32,
     /// The number that leaves the motion as the system made it.
     pub neutral: f32,
     /// 1 if it may have keys over time, else 0.
     pub animatable: i32,
-    /// 0.
+    /// Always 0.
     pub reserved: u32,
 }
 
@@ -92,7 +92,7 @@ struct Listed {
     controls: Vec<AnyfaceControl>,
 }
 
-// The pointers lead to texts that never change.
+// The pointers lead to texts and arrays that never change.
 unsafe impl Send for Listed {}
 unsafe impl Sync for Listed {}
 
@@ -149,32 +149,32 @@ fn of_system(system: usize, pick: fn(&Listed) -> *const c_char) -> *const c_char
     guard::guard_or(null(), || LIST.get(system).map_or(null(), pick))
 }
 
-/// Number of systems that turn speech into motion; number 0 is the default one.
+/// Number of systems that turn speech into motion. Number 0 is the default one.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_count() -> usize {
     SYSTEMS.len()
 }
 
-/// The word by which a system is chosen, in `AnyfaceEngineOptions`; NULL for a number that is not below
-/// the count. Lives as long as the library is loaded.
+/// The name by which `AnyfaceEngineOptions` selects a system. NULL for a number that is not below
+/// the count. It lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_name(system: usize) -> *const c_char {
     of_system(system, |listed| listed.name)
 }
 
-/// Name of a system for people, as `anyface_system_name()`.
+/// The name of a system to show to people. NULL and lifetime are as for `anyface_system_name()`.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_label(system: usize) -> *const c_char {
     of_system(system, |listed| listed.label)
 }
 
-/// A sentence of help, as `anyface_system_name()`.
+/// A sentence of help for a system. NULL and lifetime are as for `anyface_system_name()`.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_help(system: usize) -> *const c_char {
     of_system(system, |listed| listed.help)
 }
 
-/// Number of controls that a system understands; 0 for a number that is not below the count.
+/// Number of controls that a system understands. 0 for a number that is not below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_control_count(system: usize) -> usize {
     guard::guard_or(0, || {
@@ -187,28 +187,28 @@ fn can(system: usize, ability: Ability) -> i32 {
     system.is_some_and(|system| system.can(ability)).into()
 }
 
-/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0; 0 for a number that is not below the
-/// count.
+/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0. 0 for a number that is not
+/// below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_takes_events(system: usize) -> i32 {
     can(system, Ability::Events)
 }
 
-/// 1 if a system hears emotion, in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0; 0 for a number
-/// that is not below the count.
+/// 1 if a system hears emotion in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0. 0
+/// for a number that is not below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_hears_emotion(system: usize) -> i32 {
     can(system, Ability::Emotion)
 }
 
-/// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
-/// is not below the count.
+/// 1 if a system can start from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0. 0 for
+/// a number that is not below the count.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_starts_from_pose(system: usize) -> i32 {
     can(system, Ability::FirstPose)
 }
 
-/// 1 if takes of a system have an `AnyfaceSlider`, else 0; 0 for a system or slider that is not there.
+/// 1 if takes of a system have this `AnyfaceSlider`, else 0. 0 for an unknown system or slider.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_has_slider(system: usize, slider: i32) -> i32 {
     let has = |system: &&Registration| {
@@ -218,11 +218,12 @@ pub extern "C" fn anyface_system_has_slider(system: usize, slider: i32) -> i32 {
     SYSTEMS.get(system).is_some_and(has).into()
 }
 
-/// Describes a control of a system, in the order in which a panel shows them. `struct_size` is
-/// `sizeof *out`.
+/// Describes a control of a system. Controls are numbered in the order in which a panel shows them.
+/// `struct_size` is `sizeof *out`.
 ///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a system or control
-/// that is not there or a size that no version had.
+/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `out` is NULL, or with
+/// `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or control, or for a size that no version
+/// had.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_system_control(
     system: usize,

@@ -1,4 +1,4 @@
-//! Which library a program was linked to.
+//! The version of the library that a program was linked to, and its constants.
 
 use std::ffi::CStr;
 
@@ -22,18 +22,19 @@ const VERSION: &CStr =
 const _: () = assert!(ANYFACE_LANDMARK_COUNT == anyface::mesh::ibug::LANDMARKS);
 const _: () = assert!(ANYFACE_EMOTION_COUNT == anyface::conditions::EMOTIONS.len());
 
-/// Version of the interface that the loaded library has.
+/// Version of the loaded library's interface.
 ///
-/// It is raised when something that existed changes its meaning or goes away. A program that
-/// loads the library at run time stops where this differs from its own `ANYFACE_ABI_VERSION`.
-/// New functions, and new fields at the end of an options struct, do not raise it. It counts from the first release on:
-/// until 0.1.0 is out it is 1 whatever changes, and a program is built anew with each library.
+/// It is raised when an existing part of the interface changes its meaning or goes away. A program
+/// that loads the library at run time should stop if this differs from its own
+/// `ANYFACE_ABI_VERSION`. New functions, and new fields at the end of an options struct, do not
+/// raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
+/// and a program has to be rebuilt with each library.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_abi_version() -> u32 {
     ANYFACE_ABI_VERSION
 }
 
-/// Version of the library, such as "0.1.0"; lives as long as the library is loaded.
+/// Version of the library, such as "0.1.0". It lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_version() -> *const c_char {
     VERSION.as_ptr()

@@ -1,8 +1,8 @@
-//! Options structs that may grow: the first field says how long the caller's struct is.
+//! Options structs that may grow. The first field says how long the caller's struct is.
 //!
-//! A program built against an older header hands over a shorter struct: the missing fields take
-//! their defaults. One built against a newer header hands over a longer struct: that works as
-//! long as the fields unknown here are zero, otherwise it is an error and never silence.
+//! A program built against an older header passes a shorter struct, and the missing fields take
+//! their defaults. A program built against a newer header passes a longer struct. That works if the
+//! fields that are unknown here are all zero. Otherwise it is an error; it is never ignored.
 
 use crate::{error::Failure, pointer, status::AnyfaceStatus};
 
@@ -12,23 +12,23 @@ use crate::{error::Failure, pointer, status::AnyfaceStatus};
 /// The type is `repr(C)`, its first field is `struct_size: usize`, and every pattern of bytes is a
 /// valid value of it (numbers and raw pointers only).
 pub(crate) unsafe trait Versioned: Sized {
-    /// For messages.
+    /// The name in error messages.
     const NAME: &'static str;
-    /// Length in the first published header.
+    /// Length in bytes in the first published header.
     const FIRST_SIZE: usize;
-    /// The defaults; `struct_size` is this library's.
+    /// The defaults, with the `struct_size` of this library.
     fn defaults() -> Self;
     /// NULL and 0 in every field.
     fn zero() -> Self {
-        // Every pattern of bytes is a value of the type.
+        // Every pattern of bytes is a valid value of the type.
         unsafe { std::mem::zeroed() }
     }
 }
 
-/// Copies the caller's options over the defaults; NULL gives the defaults.
+/// Copies the caller's options over the defaults. NULL gives the defaults.
 ///
 /// # Safety
-/// `options` is NULL or points to a struct of as many bytes as its first field says.
+/// `options` is NULL or points to a struct whose first field states its size in bytes.
 pub(crate) unsafe fn read<T: Versioned>(options: *const T) -> Result<T, Failure> {
     let mut known = T::defaults();
     if options.is_null() {
@@ -37,7 +37,7 @@ pub(crate) unsafe fn read<T: Versioned>(options: *const T) -> Result<T, Failure>
     pointer::check_out(T::NAME, options.cast_mut())?;
     let theirs = unsafe { options.cast::<usize>().read() };
     let ours = size_of::<T>();
-    // Far above any future struct: a larger number is a field that was never set.
+    // The limit is far above any future struct: a larger number is a field that was never set.
     if theirs < T::FIRST_SIZE || theirs > ours + 4096 {
         return Err(Failure::invalid(format!(
             "{}.struct_size: expected {ours}, got {theirs}; initialise the struct with {}_init",

@@ -13,8 +13,9 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Number of ARKit's shapes and of Oculus' visemes in a frame of `anyface_weight_stream_pull()`.
+/// Number of ARKit's shapes in a frame of `anyface_weight_stream_pull()`.
 pub const ANYFACE_LIVE_SHAPE_COUNT: usize = 52;
+/// Number of Oculus's visemes in a frame of `anyface_weight_stream_pull()`.
 pub const ANYFACE_LIVE_VISEME_COUNT: usize = 15;
 
 const _: () = assert!(ARKIT.len() == ANYFACE_LIVE_SHAPE_COUNT);
@@ -25,20 +26,20 @@ static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| {
     names.map(|name| pointer::c_text(name)).collect()
 });
 
-/// A performance in progress for characters with shapes of their own: push sound, pull weights of ARKit's shapes and of
-/// visemes, with blinks, eyes that move and a head that drifts.
+/// A performance in progress for characters with their own shapes: push sound, pull weights of
+/// ARKit's shapes and of visemes, with blinks, moving eyes and a drifting head.
 ///
-/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
-/// one thread at a time.
+/// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
+/// a time may use a stream.
 pub struct AnyfaceWeightStream(WeightStream);
 
 const fn moves_between_threads<T: Send>() {}
 const _: () = moves_between_threads::<AnyfaceWeightStream>();
 
-/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
-/// needs the whole sound.
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system
+/// that needs the whole sound.
 ///
-/// It may outlive the engine. Free with `anyface_weight_stream_free()`.
+/// The stream may outlive the engine. Free with `anyface_weight_stream_free()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_new(
     engine: *const AnyfaceEngine,
@@ -52,18 +53,20 @@ pub unsafe extern "C" fn anyface_weight_stream_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Name of one of the `ANYFACE_LIVE_SHAPE_COUNT` shapes of a frame, such as "jawOpen", and behind them of its
-/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa"; NULL from the last one on. Lives as long as the library is loaded.
+/// Name of a shape or viseme of a frame. It lives as long as the library is loaded.
+///
+/// The `ANYFACE_LIVE_SHAPE_COUNT` shapes, such as "jawOpen", come first. The
+/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa", follow. NULL beyond the last viseme.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_weight_stream_name(index: usize) -> *const c_char {
     guard::guard_or(null(), || pointer::lend(NAMES.get(index)))
 }
 
-/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+/// Takes sound and only stores it. An audio thread that may allocate can call it.
 ///
-/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
-/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
-/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, including 0.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, in which case none of them is
+/// taken, and with `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_push(
     stream: *mut AnyfaceWeightStream,
@@ -79,12 +82,13 @@ pub unsafe extern "C" fn anyface_weight_stream_push(
     unsafe { guard::guard(error, work) }
 }
 
-/// Computes the next frame where it is ready; frame `t` stands at `t / 25` seconds of the sound.
+/// Computes the next frame if it is ready. Frame `t` is at `t / 25` seconds of the sound.
 ///
-/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of `anyface_weight_stream_name()`.
-/// `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, 0 to 1, in the same order. `head`: `[3]`, rotation vector in
-/// radians: x to the subject's left, y up, z to the front.
-/// `is_ready` receives 1, or 0 where more sound is needed or the performance is over; then nothing else is written.
+/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of
+/// `anyface_weight_stream_name()`. `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, their weights, 0 to 1,
+/// in the same order. `head`: `[3]`, rotation vector in radians: x to the subject's left, y up, z
+/// to the front. `is_ready` receives 1 for a frame. It receives 0 if more sound is needed or the
+/// performance is over; then nothing else is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_pull(
     stream: *mut AnyfaceWeightStream,
@@ -112,7 +116,7 @@ pub unsafe extern "C" fn anyface_weight_stream_pull(
     unsafe { guard::guard(error, work) }
 }
 
-/// Ends the sound: silence follows, and every frame that began can be pulled.
+/// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
 ///
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 #[unsafe(no_mangle)]
@@ -128,7 +132,7 @@ pub unsafe extern "C" fn anyface_weight_stream_finish(
     unsafe { guard::guard(error, work) }
 }
 
-/// Emotion from the next frame on.
+/// Sets the emotion from the next frame on.
 ///
 /// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
@@ -146,8 +150,8 @@ pub unsafe extern "C" fn anyface_weight_stream_set_emotion(
     unsafe { guard::guard(error, work) }
 }
 
-/// Shows the emotion that is heard in what is pushed from now on, three times a second anew, until
-/// `anyface_weight_stream_set_emotion()` sets one.
+/// Shows the emotion that is heard in the sound pushed from now on. It is updated three times a
+/// second, until `anyface_weight_stream_set_emotion()` sets an emotion.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_hear_emotion(
     stream: *mut AnyfaceWeightStream,
@@ -162,9 +166,12 @@ pub unsafe extern "C" fn anyface_weight_stream_hear_emotion(
     unsafe { guard::guard(error, work) }
 }
 
-/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
-/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+/// Limits the look-ahead to `seconds`. Call it before the first sound.
+///
+/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
+/// 0 s ahead. Without this call a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
+/// the first sound.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_look_ahead(
     stream: *mut AnyfaceWeightStream,
@@ -180,7 +187,8 @@ pub unsafe extern "C" fn anyface_weight_stream_look_ahead(
     unsafe { guard::guard(error, work) }
 }
 
-/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
+/// Lets every sound move the face from the next frame on, including singing, music and noise.
+/// Before this call, only speech does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_hear_all(
     stream: *mut AnyfaceWeightStream,
@@ -195,7 +203,7 @@ pub unsafe extern "C" fn anyface_weight_stream_hear_all(
     unsafe { guard::guard(error, work) }
 }
 
-/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+/// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_latency_s(
     stream: *const AnyfaceWeightStream,

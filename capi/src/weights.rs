@@ -16,21 +16,25 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
-/// threads may use it at the same time.
+/// Weights of `S` shapes in `T` frames, 0 to 1. They never change once they are made: any number of
+/// threads may use them at the same time.
 pub struct AnyfaceWeights(SolvedWeights);
 
-/// Finds the weights with which shapes come nearest to a motion: bounded least squares, few and smooth
-/// over time, left and right alike where little tells them apart; of shapes that undo each other, by name or by what they
-/// move, one at a time. Accepts a progress handle.
+/// Finds the weights with which shapes come nearest to a motion, by bounded least squares.
+///
+/// It uses few shapes at a time and keeps their weights smooth over time. Left and right weights are
+/// alike where the motion hardly tells them apart. Of shapes that undo each other, by name or by the
+/// motion they make, only one is used at a time. Accepts a progress handle.
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
-/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`: `[lip_pairs, 2]`,
-/// vertices of the upper and of the lower lip that meet, such as those of the landmarks 61 and 67, 62 and 66, 63 and 65: in
-/// frames that bring them together the shapes do so as well as they can; NULL with 0 for none. All are copied. `progress` may be NULL. Free with `anyface_weights_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
-/// moves, `ANYFACE_STATUS_CANCELLED`.
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`:
+/// `[lip_pairs, 2]`, an upper and a lower lip vertex that meet, such as those of the landmarks 61
+/// and 67, 62 and 66, 63 and 65. In frames whose motion brings them together, the shapes do so too,
+/// as well as they can. NULL with 0 for none. All arrays are copied. `progress` may be NULL. Free
+/// with `anyface_weights_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, for a lip vertex out
+/// of range, or if none of the shapes moves anything, and with `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weights_new(
     names: *const *const c_char,
@@ -54,12 +58,15 @@ pub unsafe extern "C" fn anyface_weights_new(
     unsafe { guard::give(out, error, make) }
 }
 
-/// The same of a clip, whose displacements stay in the library.
+/// Finds weights as `anyface_weights_new()` does, but for the motion of a clip, whose displacements
+/// stay in the library.
 ///
-/// `shapes`: `[shape_count, vertex_count, 3]`, of the clip's first `vertex_count` vertices; those behind are left out.
-/// `to_shapes`: `[3, 3]`, may be NULL; what leads displacements of the clip to the frame of the shapes. The rest as for
-/// `anyface_weights_new()`. The clip may go before the weights.
-/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices than the clip has.
+/// `shapes`: `[shape_count, vertex_count, 3]`, for the clip's first `vertex_count` vertices; later
+/// ones are left out. `to_shapes`: `[3, 3]`, row by row, the matrix that takes displacements of the
+/// clip to the axes and units of the shapes. NULL leaves them as they are. All else is as for
+/// `anyface_weights_new()`. The clip may be freed before the weights.
+/// Fails as `anyface_weights_new()` does, and with `ANYFACE_STATUS_INVALID_INPUT` for more vertices
+/// than the clip has.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weights_new_of_clip(
     clip: *const AnyfaceClip,
@@ -105,7 +112,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Weights of all shapes of a rig.
+/// Solves for the weights of all shapes of a rig.
 fn solved(
     rig: &Rig,
     motion: ArrayView3<'_, f32>,
@@ -125,10 +132,12 @@ fn solved(
     unsafe { watched(progress, work) }.map(AnyfaceWeights)
 }
 
-/// Weights that the caller brings, such as those of `anyface_motion_copy_weights()`, to be written as a file.
+/// Takes the caller's own weights, such as those of `anyface_motion_copy_weights()`, so that they
+/// can be written as a file.
 ///
-/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
-/// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+/// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free
+/// with `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not
+/// finite.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weights_new_from_array(
     names: *const *const c_char,
@@ -147,7 +156,8 @@ pub unsafe extern "C" fn anyface_weights_new_from_array(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Copies the caller's weights `[frames, names]` and checks that they are finite. They count as exact: nothing is left out.
+/// Copies the caller's weights `[frames, names]` and checks that they are finite. They count as
+/// exact: no motion is left out.
 fn copy_weights(
     names: Vec<String>,
     values: &[f32],
@@ -182,8 +192,8 @@ pub unsafe extern "C" fn anyface_weights_copy(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
-/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 where
-/// they show all of it, 1 where they show none. 0 for NULL and for a motion that does not move.
+/// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 if
+/// they show all of it, 1 if they show none. 0 for NULL and for a motion that does not move.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weights_left_out(weights: *const AnyfaceWeights) -> f32 {
     let Some(AnyfaceWeights(weights)) = (unsafe { weights.as_ref() }) else {
@@ -196,12 +206,12 @@ pub unsafe extern "C" fn anyface_weights_left_out(weights: *const AnyfaceWeights
     }
 }
 
-/// Writes the weights as a file whose kind follows from the end of its name.
+/// Writes the weights as a file. The ending of its name sets the kind.
 ///
-/// .csv as Live Link Face writes it: the 52 ARKit shapes, those that are not among the names with 0;
-/// `fps` must be at least 1. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, `ANYFACE_STATUS_IO`
-/// if the file cannot be written; then nothing is left of it.
+/// .csv, in the form of Live Link Face: the 52 ARKit shapes, with 0 for those that are not among
+/// the names. .json: `fps`, `names` `[S]`, `weights` `[T][S]`. `path`: UTF-8. `fps`: 1 to 240.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or frame rate, or with
+/// `ANYFACE_STATUS_IO` if the file cannot be written; in that case no file is left behind.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weights_write(
     weights: *const AnyfaceWeights,
@@ -223,7 +233,7 @@ pub unsafe extern "C" fn anyface_weights_free(weights: *mut AnyfaceWeights) {
     unsafe { guard::free(weights) }
 }
 
-/// The caller's shapes, copied.
+/// Copies the caller's shapes into a rig.
 ///
 /// # Safety
 /// As [`texts`] and [`moves`].
@@ -240,7 +250,7 @@ unsafe fn rig(
     })
 }
 
-/// Pairs of vertices `[count, 2]`, borrowed.
+/// Borrows pairs of vertices, `[count, 2]`.
 ///
 /// # Safety
 /// `lips` is NULL or valid for reads of `count * 2` values.
@@ -252,7 +262,7 @@ unsafe fn pairs<'a>(lips: *const u32, count: usize) -> Result<&'a [[u32; 2]], Fa
     Ok(lips.as_chunks().0)
 }
 
-/// `[count, vertices, 3]`, borrowed.
+/// Borrows displacements, `[count, vertices, 3]`.
 ///
 /// # Safety
 /// `values` is NULL or valid for reads of `count * vertices * 3` values.
@@ -288,7 +298,7 @@ mod tests {
     use ndarray::Array3;
     use std::ptr::{null, null_mut};
 
-    /// Two shapes that move different vertices, and their sum with 0.5 and 0.25 in both frames.
+    /// Two shapes that move different vertices, and their sum with weights 0.5 and 0.25, twice.
     fn example() -> (Array3<f32>, Array3<f32>) {
         let shapes = Array3::from_shape_fn((2, 4, 3), |(s, v, _)| f32::from(v / 2 == s));
         let strength = [0.5, 0.25];
@@ -331,7 +341,7 @@ mod tests {
             let status = anyface_weights_copy(weights, buffer.as_mut_ptr(), 4, &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
             for (got, expected) in buffer.iter().zip([0.5, 0.25, 0.5, 0.25]) {
-                // Few weights cost a little of each.
+                // The preference for few weights makes each of them a little smaller.
                 assert!((got - expected).abs() < 3e-3, "{buffer:?}");
             }
             assert!(anyface_weights_left_out(weights) < 0.01);
@@ -342,7 +352,7 @@ mod tests {
     #[test]
     fn a_clip_gives_the_same_bits_in_the_frame_of_the_shapes() {
         let (shapes, motion) = example();
-        // The clip has a vertex more, and its axes are those of the shapes in another order, one turned round.
+        // The clip has one more vertex. Its axes are in another order, and one is reversed.
         let displacements = Array3::from_shape_fn((2, 5, 3), |(t, v, axis)| match (v, axis) {
             (4, _) => 7.0,
             (_, 2) => -motion[[t, v, 0]],

@@ -1,4 +1,4 @@
-//! `anyface animate`: speech and a mesh to vertex displacements.
+//! `anyface animate`: turns speech and a mesh into vertex displacements.
 
 use std::path::PathBuf;
 
@@ -37,13 +37,15 @@ pub struct Animate {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: InputPath,
-    /// The result: .npz (arrays of the motion, the rotation of head and eyes, and the tongue), .pc2 or .mdd (point caches),
-    /// .glb or .usda (shapes with their weights over time, and the head as a node that turns), .vrma (expressions, head and
-    /// eyes of avatars). A GLB keeps everything else of the mesh's GLB. The sound is copied beside a .glb or .usda. With
+    /// The result: .npz (arrays of the motion, the rotation of head and eyes, and the tongue), .pc2
+    /// or .mdd (point caches), .glb or .usda (shapes with their weights over time, and the head as
+    /// a node that turns), .vrma (expressions, head and eyes of avatars). A GLB result keeps
+    /// everything else from the GLB of the mesh. The sound is copied beside a .glb or .usda. With
     /// --surface the result is a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
-    /// First part lips that are one surface. The new mesh is written beside the result; its name ends in _open_mouth.obj
+    /// First cut the mouth open if the lips are one surface. The new mesh is written beside the
+    /// result; its name ends in _open_mouth.obj
     #[arg(long)]
     open_mouth: bool,
     #[command(flatten)]
@@ -63,7 +65,7 @@ pub struct Animate {
 }
 
 impl Animate {
-    /// Results whose names come from that of the animation.
+    /// Results whose names derive from that of the animation.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         let mesh = opened::beside(&self.out);
         let opened = [landmarks_beside(&mesh), mesh];
@@ -74,7 +76,7 @@ impl Animate {
     }
 
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        // What is cheap to check comes before what takes time.
+        // Cheap checks come first, before any slow work.
         self.surface.check(&self.out)?;
         if !self.surface.is_asked() {
             self.scene.check(&self.out)?;
@@ -106,7 +108,7 @@ impl Animate {
             let frames = frames_of(heard_s, request.fps);
             let vertices = mesh.positions.len();
             let frames_in_memory = match Format::from_path(&self.out)?.is_scene() {
-                // Shapes are made of all frames, and of two copies of them.
+                // The shapes are computed from all frames, with two copies of them in memory.
                 true => {
                     3 * frames_of(duration_s, request.fps)
                         + self.scene.count_shape_frames(&self.out)
@@ -160,7 +162,7 @@ impl Animate {
         self.surface.tell(&report, console)
     }
 
-    /// Writes the result, or with --redo the earlier result with a new stretch.
+    /// Writes the result. With --redo this is the earlier result with one stretch replaced.
     fn spread(
         &self,
         layered: &Layered<'_>,
@@ -189,8 +191,8 @@ impl Animate {
         copy_sound(&self.out, &self.audio)
     }
 
-    /// Opens the file of the result. If the mouth `is_opened`, the mesh is not that of its file, and the result takes nothing
-    /// from that file.
+    /// Opens the file of the result. If the mouth `is_opened`, the mesh differs from its file, so
+    /// the result takes nothing from that file.
     fn clip_file(
         &self,
         way: (&Engine, &Face),
@@ -203,7 +205,8 @@ impl Animate {
             .file(&self.out, (mesh, sound.as_deref()), way, progress)
     }
 
-    /// Prepares the same face with lips that part, and writes its mesh beside the result.
+    /// Prepares the face with its mouth cut open, and writes the new mesh beside the result. If the
+    /// lips are not one surface, prepares the mesh as it is and writes none.
     fn opened(
         &self,
         engine: &Engine,

@@ -1,4 +1,5 @@
-//! A command line from any bytes, for fuzzers and tests: every option with any value, over files that are there.
+//! Turns any bytes into a command line, for fuzzers and tests. It may hold any option with any
+//! value, and names files of one folder.
 
 use std::{
     any::TypeId,
@@ -15,9 +16,10 @@ use crate::{
     paths::{CachePath, InputPath, OutputPath},
 };
 
-/// So many options are tried at once.
+/// The most options that bytes choose for a command line.
 const MOST_OPTIONS: usize = 16;
-/// Below this a byte chooses one of the values that mean something to some option.
+/// A byte below this chooses one of the values that mean something to some option. Any other byte
+/// starts free text.
 const KNOWN: u8 = 192;
 const LONGEST: usize = 48;
 const VALUES: [&str; 44] = [
@@ -67,11 +69,13 @@ const VALUES: [&str; 44] = [
     "emoface",
 ];
 
-/// Runs the command that `bytes` describe, with a folder of models that cannot be loaded: it goes through all checks and
-/// reads its files, and stops before what takes long. Returns the message of its error, none where it is done.
+/// Runs the command that `bytes` describe, with a folder of models that cannot be loaded. The
+/// command goes through all checks, reads its files, and stops before the slow work. Returns the
+/// message of its error, or `None` if it succeeds.
 ///
-/// The first byte chooses the subcommand. Two or more stand for each option: which, which value, and for other values
-/// their length and their bytes. `folder` holds `in`, whose files are read, `out` for results, and `models`.
+/// The first byte chooses the subcommand. Then one byte chooses each option, and a second one its
+/// value if it takes one. Free text needs another byte for its length, and its own bytes. `folder`
+/// has the subfolders `in` for files to read, `out` for results, and `models`.
 pub fn run(bytes: &[u8], folder: &Path) -> Option<String> {
     let words = words(bytes, folder);
     let matches = match Arguments::command().try_get_matches_from(words) {
@@ -101,7 +105,7 @@ pub fn words(bytes: &[u8], folder: &Path) -> Vec<OsString> {
     let subcommand = subcommands[choice % subcommands.len()];
     let places = Places::of(folder);
     let mut words: Vec<OsString> = vec!["anyface".into(), subcommand.get_name().into()];
-    // Models are those of the folder, whatever is asked for; help and version print and end.
+    // The models are always those of the folder. `help` and `version` would only print and end.
     let of_ours = |arg: &&Arg| !["weights", "help", "version"].contains(&arg.get_id().as_str());
     let options: Vec<&Arg> = subcommand.get_arguments().filter(of_ours).collect();
     let mut named = Vec::new();
@@ -110,7 +114,8 @@ pub fn words(bytes: &[u8], folder: &Path) -> Vec<OsString> {
         words.push(word(option, &mut bytes, &places));
         named.push(option.get_id());
     }
-    // Without these the rest would never be looked at.
+    // Without the required options the parser would refuse the command before anything else is
+    // checked.
     for option in options.iter().filter(|option| option.is_required_set()) {
         if !named.contains(&option.get_id()) {
             words.push(word(option, &mut [0, 0].into_iter(), &places));
@@ -162,7 +167,7 @@ fn value(option: &Arg, bytes: &mut impl Iterator<Item = u8>, places: &Places) ->
 fn text(bytes: Vec<u8>) -> OsString {
     use std::os::unix::ffi::OsStringExt;
 
-    // It need not be text.
+    // The bytes need not be valid UTF-8.
     OsString::from_vec(bytes)
 }
 
@@ -171,7 +176,7 @@ fn text(bytes: Vec<u8>) -> OsString {
     String::from_utf8_lossy(&bytes).into_owned().into()
 }
 
-/// Files that options may name: none lies outside of the folder.
+/// Files that options may name. All of them lie in the folder.
 struct Places {
     folder: PathBuf,
     inputs: Vec<PathBuf>,
@@ -193,7 +198,8 @@ impl Places {
         }
     }
 
-    /// The file that is named like the option where `choice` is even and there is one, else any.
+    /// The file named after the option, if there is one and `choice` is even. Otherwise any of the
+    /// files.
     fn input(&self, option: &str, choice: u8) -> OsString {
         let is_meant = |path: &&PathBuf| path.file_stem().is_some_and(|stem| stem == option);
         let meant = self

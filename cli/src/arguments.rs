@@ -29,13 +29,13 @@ use clap::Args;
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::paths::{CachePath, InputPath, landmarks_beside};
 
-/// Least vertices of a proxy. A coarser skin has no usable lips.
+/// The fewest vertices of a proxy. A coarser skin has no usable lips.
 const LEAST_PROXY: usize = 500;
 
 /// Options of every subcommand.
 #[derive(Args)]
 pub struct SharedArgs {
-    /// What turns speech into motion [default: the first that `anyface info` lists]
+    /// The system that turns speech into motion [default: the first that `anyface info` lists]
     #[arg(long, global = true, value_name = "NAME")]
     system: Option<String>,
     /// Folder of models (folders such as ats_paper, stm_paper, hubert) that replace the built-in ones
@@ -45,8 +45,9 @@ pub struct SharedArgs {
     /// replaces the built-in one
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<InputPath>,
-    /// Folder of a model that hears the emotion where it is `auto`, instead of the built-in one: Whisper base
-    /// (openai/whisper-base), or an emotion classifier on HuBERT or wav2vec2 (config.json with labels, weights)
+    /// Folder of a model that recognises the emotion of the voice for `auto`, instead of the
+    /// built-in one: Whisper base (openai/whisper-base), or an emotion classifier on HuBERT or
+    /// wav2vec2 (config.json with labels, weights)
     #[arg(long, global = true, value_name = "DIR")]
     emotion_model: Option<InputPath>,
     /// Folder that stores the work for each mesh between runs [default: the user's cache folder]
@@ -68,22 +69,22 @@ impl SharedArgs {
         Engine::new(self.options())
     }
 
-    /// The name of --system.
+    /// The name given by --system.
     pub fn system(&self) -> Option<&str> {
         self.system.as_deref()
     }
 
-    /// The number of --threads.
+    /// The number given by --threads.
     pub fn threads(&self) -> Option<usize> {
         self.threads
     }
 
-    /// A text that is the same for options that make the same engine.
+    /// A text that is equal for options that make the same engine.
     pub fn key(&self) -> String {
         format!("{:?}", self.options())
     }
 
-    /// The folder of --weights.
+    /// The folder given by --weights.
     pub fn weights(&self) -> Option<&Path> {
         self.weights.as_deref()
     }
@@ -115,7 +116,7 @@ pub fn is_folder(out: &Path) -> bool {
     is_plain || out.is_dir() || shown(out).ends_with(std::path::is_separator)
 }
 
-/// How a sound is read.
+/// Options for reading a sound.
 #[derive(Args)]
 pub struct SoundArgs {
     /// Use a damaged sound file even if more than a fifth of it is missing
@@ -134,7 +135,7 @@ impl SoundArgs {
     }
 }
 
-/// How the face is found and moved.
+/// Options for finding and moving the face.
 #[derive(Args)]
 pub struct FaceArgs {
     /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: M.landmarks.json beside the mesh M.obj; if there
@@ -149,7 +150,8 @@ pub struct FaceArgs {
     /// the right side of the person, which a viewer sees on the left
     #[arg(long, value_name = "POINTS", allow_hyphen_values = true)]
     points: Option<FivePoints>,
-    /// Axis that points out of the face: x, -x, y, -y, z or -z. It decides where several places look like a face
+    /// Axis that points out of the face: x, -x, y, -y, z or -z. It decides when several places look
+    /// like a face
     #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
     forward: Axis,
     /// Axis that points to the top of the head
@@ -225,8 +227,8 @@ impl Display for ProxySize {
 }
 
 impl FaceArgs {
-    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from elsewhere. Those of --landmarks
-    /// come first.
+    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from
+    /// elsewhere, used unless --landmarks gives others.
     pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
@@ -266,7 +268,7 @@ impl FaceArgs {
     }
 }
 
-/// The landmarks that `open-mouth` or `head` has written beside a mesh.
+/// The landmarks file beside a mesh, such as `open-mouth` and `head` write.
 fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
     let beside = landmarks_beside(mesh);
     match beside.is_file() {
@@ -303,8 +305,9 @@ pub struct MotionArgs {
     /// Speaking style by name [default: the model's own]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
-    /// File that says where lips close, instead of what is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo, .dat
-    /// (which counts frames of --fps) or .txt. `anyface sounds` writes such files
+    /// File that says when the lips close, which is otherwise heard in the speech: the p, b and m
+    /// of a .TextGrid, .tsv, .json, .pgo, .dat (which counts frames of --fps) or .txt. `anyface
+    /// sounds` writes such files
     #[arg(long, value_name = "S")]
     sounds: Option<InputPath>,
     /// What the face does and when (cafe-talk), as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink: seconds, then action units
@@ -316,7 +319,8 @@ pub struct MotionArgs {
     /// "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<InputPath>,
-    /// Take the emotion from this other recording (emoface). It is stretched to the length of the sound
+    /// Take the emotion from this other recording (emoface). The recording's emotion is stretched
+    /// to the length of the sound
     #[arg(long, value_name = "OTHER")]
     emotion_of: Option<InputPath>,
     /// A recording of ten seconds or more in which the same person speaks neutrally. The emotion of the voice is then
@@ -411,7 +415,7 @@ impl MotionArgs {
     }
 }
 
-/// Reads `x`, `+x` or `-x`, and the same for the others.
+/// Reads `x`, `+x` or `-x`, and the same for the other axes.
 fn axis(text: &str) -> std::result::Result<Axis, String> {
     match text.trim_start_matches('+').to_ascii_lowercase().as_str() {
         "x" => Ok(Axis::PosX),

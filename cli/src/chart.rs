@@ -1,4 +1,4 @@
-//! `anyface chart`: speech to a mouth chart for drawn mouths.
+//! `anyface chart`: turns speech into a mouth chart for drawn animation.
 
 use anyface::{
     Engine, Result,
@@ -18,13 +18,14 @@ use crate::{
 /// The mouths that are drawn.
 #[derive(Clone, Copy, ValueEnum)]
 enum Mouths {
-    /// Rhubarb's nine: A to H and X
+    /// Rhubarb's nine mouths: A to H and X
     Rhubarb,
-    /// Preston Blair's ten, as Papagayo names them
+    /// Preston Blair's ten mouths, with Papagayo's names
     PrestonBlair,
 }
 
-/// Write which of nine or ten drawn mouths to show when, for cut-out and drawn animation
+/// Write a chart of which drawn mouth (of nine or ten) to show when, for cut-out and drawn
+/// animation
 #[derive(Args)]
 pub struct Chart {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
@@ -41,10 +42,10 @@ pub struct Chart {
     /// Mouths may change only on every FRAMES-th frame of --fps: 2 for poses on twos
     #[arg(long, value_name = "FRAMES", default_value_t = 1)]
     on: usize,
-    /// Fewest frames for which a mouth is shown
+    /// The fewest frames for which a mouth is shown
     #[arg(long, value_name = "FRAMES", default_value_t = 2)]
     hold: usize,
-    /// Fewest frames for which lips stay closed for p, b and m, instead of --hold
+    /// The fewest frames for which the lips stay closed for p, b and m, instead of --hold
     #[arg(
         long,
         value_name = "FRAMES",
@@ -52,7 +53,7 @@ pub struct Chart {
         hide_default_value = true
     )]
     hold_closures: usize,
-    /// Fewest frames for which the mouth of a vowel is shown, instead of --hold
+    /// The fewest frames for which the mouth of a vowel is shown, instead of --hold
     #[arg(
         long,
         value_name = "FRAMES",
@@ -60,7 +61,7 @@ pub struct Chart {
         hide_default_value = true
     )]
     hold_vowels: usize,
-    /// The words that are said. With them it is more certain when lips close
+    /// The words that are spoken. They make it more certain when the lips close
     #[arg(long, value_name = "W", conflicts_with = "sounds")]
     text: Option<String>,
     #[command(flatten)]

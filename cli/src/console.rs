@@ -42,14 +42,14 @@ impl Console {
         let usual = if self.json { "off" } else { "error" };
         let filter = tracing_subscriber::EnvFilter::try_from_env("ANYFACE_LOG")
             .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(usual));
-        // A second subscriber in one process is refused; the first then goes on.
+        // A process can have only one subscriber. If there already is one, it stays.
         let _ = tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
             .try_init();
     }
 
-    /// A progress callback for the library; a signal to end cancels.
+    /// A progress callback for the library. It cancels the work after a signal to end.
     pub fn progress(&self, progress: Progress) -> bool {
         self.bar.set_message(progress.stage);
         self.bar
@@ -57,7 +57,8 @@ impl Console {
         !signals::are_to_end()
     }
 
-    /// Prints a finished run: JSON as it is, or `summary` with the warnings.
+    /// Prints the report of a finished run: as JSON with `--json`, otherwise as `summary` and the
+    /// warnings.
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.
@@ -71,7 +72,7 @@ impl Console {
         Ok(())
     }
 
-    /// Prints warnings; with `--json` they stand in the value itself.
+    /// Prints warnings. With `--json` it prints nothing, because the value itself contains them.
     pub fn warn(&self, warnings: &[String]) {
         if !self.json {
             warnings
@@ -89,7 +90,7 @@ impl Console {
         }
     }
 
-    /// Prints on standard error beside the bar, which goes on, as `{"note"}` with `--json`.
+    /// Prints a note on standard error while the progress bar goes on, as `{"note"}` with `--json`.
     pub fn aside(&self, text: &str) {
         self.bar.suspend(|| match self.json {
             true => print_error_line(&serde_json::json!({ "note": text })),
@@ -97,14 +98,14 @@ impl Console {
         });
     }
 
-    /// Shows how far a list of jobs has come.
+    /// Shows how many jobs of a list are done.
     pub fn count(&self, done: usize, total: usize, text: &str) {
         self.bar
             .set_position(BAR_STEPS * done as u64 / total.max(1) as u64);
         self.bar.set_message(text.to_owned());
     }
 
-    /// Prints a line of a result that goes on. Returns false if the reader has left.
+    /// Prints one line of a continuous result. Returns false if the reader has closed the pipe.
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.
@@ -112,7 +113,7 @@ impl Console {
         line(text)
     }
 
-    /// Prints `value` as JSON, or `text`.
+    /// Prints `value` as JSON with `--json`, otherwise `text`.
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.
@@ -136,7 +137,7 @@ impl Console {
     }
 }
 
-/// An error as standard error has it, a line for people or JSON.
+/// The text of an error for standard error: a line for people, or JSON.
 pub fn error_text(error: &Error, json: bool) -> String {
     match json {
         true => {
@@ -153,15 +154,16 @@ pub fn error_text(error: &Error, json: bool) -> String {
 
 const STANDARD_OUTPUT: &str = "standard output";
 
-/// Prints a line on standard output. If the reader has left, as `head` does, that is no error.
+/// Prints a line on standard output. A reader that closes the pipe early, as `head` does, is no
+/// error.
 ///
 /// # Errors
-/// `Io` if it cannot be written, as where a disk is full.
+/// `Io` if the line cannot be written, for example because the disk is full.
 fn print_line(text: &str) -> Result<()> {
     line(text).map(|_| ())
 }
 
-/// Prints a line on standard output. Returns false if the reader has left.
+/// Prints a line on standard output. Returns false if the reader has closed the pipe.
 fn line(text: &str) -> Result<bool> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
@@ -170,12 +172,13 @@ fn line(text: &str) -> Result<bool> {
     }
 }
 
-/// Prints a line on standard error. Nobody could be told that this fails, so a failure is ignored.
+/// Prints a line on standard error. Ignores a failure, because there is no other place to report
+/// it.
 fn print_error_line(text: &impl Display) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// The word for an error's kind.
+/// The name of an error's kind.
 pub fn kind(error: &Error) -> &'static str {
     match error {
         Error::InvalidInput(_) => "invalid_input",

@@ -1,4 +1,4 @@
-//! Flags for emotion, and for the controls of all systems as the registry lists them.
+//! Flags for the emotion, and for the controls that the registry lists for all systems.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -10,12 +10,13 @@ use anyface::{
 };
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
-/// What the emotion is.
+/// Options for the emotion.
 #[derive(Args)]
 pub struct EmotionArgs {
-    /// Emotion and intensity, as in happy:0.7, or a blend, as in happy:0.4,surprised:0.3. auto takes the emotion that is
-    /// heard in the voice, auto-arousal only how excited the voice sounds. off is speech alone, without blinks and brows.
-    /// cafe-talk also takes other words, such as relieved, and uses the nearest emotions
+    /// Emotion and intensity, as in happy:0.7, or a blend, as in happy:0.4,surprised:0.3. auto
+    /// takes the emotion that is heard in the voice, auto-arousal only how excited the voice
+    /// sounds. off shows speech alone, without blinks and brows. cafe-talk also takes other words,
+    /// such as relieved, and uses the nearest emotions
     #[arg(long, default_value = "neutral:0")]
     emotion: String,
     /// Emotion over time as seconds and emotions, as in "0:neutral 2.5:happy:0.8 4:sad:0.5". It changes linearly between them
@@ -27,7 +28,7 @@ impl EmotionArgs {
     /// The requested emotion over time. If the system `takes_words`, the text model of `models` turns words that name no
     /// emotion category into a blend of categories.
     pub fn curve(&self, takes_words: bool, models: Option<&Path>) -> Result<EmotionCurve> {
-        // The text model is loaded only for such a word.
+        // The text model is loaded only when there is such a word.
         let of = |word: &str| TextUnits::open(models)?.emotion(word);
         match (&self.emotion_keys, takes_words) {
             (Some(keys), true) => EmotionCurve::parse_keys_with(keys, &of),
@@ -43,7 +44,7 @@ pub struct FaceControls(ControlFlags);
 /// Flags of the controls that act on a performance.
 pub struct MotionControls(ControlFlags);
 
-/// The controls that the command line sets, each with its text.
+/// The controls that the command line sets, each with the text of its value.
 #[derive(Default)]
 struct ControlFlags(Vec<(&'static Control, String)>);
 

@@ -1,4 +1,4 @@
-//! `anyface deform`: motion of landmarks or weights from a file on a mesh.
+//! `anyface deform`: puts motion of landmarks or weights from a file on a mesh.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ use crate::{
     surface::SurfaceArgs,
 };
 
-/// Frame rate of motion files that name none.
+/// Frame rate of motion files that do not contain one.
 const DEFAULT_FPS: f64 = 30.0;
 
 /// Put motion from a file on a mesh
@@ -46,8 +46,8 @@ pub struct Deform {
     /// (expressions of avatars). With --surface the result is a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
-    /// Also write how much each vertex attends to each landmark, as shares and as a mean over the frames: .npz with
-    /// attention [V, 68]. Needs --decoder paper and motion in mesh units
+    /// Also write how much each vertex attends to each landmark, as shares averaged over the
+    /// frames: .npz with attention [V, 68]. Needs --decoder paper and motion in mesh units
     #[arg(long, value_name = "A.npz")]
     attention: Option<OutputPath>,
     #[command(flatten)]
@@ -97,7 +97,7 @@ impl Deform {
         }
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
-        // Nothing is known of the speech, so lips may rest.
+        // The speech is unknown, so resting lips give no warning.
         let files = (Some(&*self.mesh), None);
         let file = self
             .scene
@@ -124,7 +124,7 @@ impl Deform {
         self.surface.tell(&report, console)
     }
 
-    /// The surface of the head that goes as the landmarks do.
+    /// Writes the surface of the head as it follows the landmarks.
     fn write_surface(
         &self,
         (engine, face): (&Engine, &Face),
@@ -144,14 +144,15 @@ impl Deform {
             displacements: motion.displacements,
             fps: motion.fps.unwrap_or(DEFAULT_FPS),
         };
-        // Whatever the field is to do, the codes move the head itself.
+        // The face's own controls could switch the codes off, but only codes move the head itself.
         let codes = engine.follow(&clip, &Controls::default(), progress)?;
-        // Nothing is known of the speech, so lips may rest.
+        // The speech is unknown, so resting lips give no warning.
         self.surface
             .write((engine, face), (&codes, 0.0), &self.out, report, progress)
     }
 
-    /// Frame by frame: all at once would be as large as ten clips.
+    /// Works frame by frame. The attention of all frames would be more than twenty times as large
+    /// as the clip.
     fn write_attention(
         &self,
         path: &Path,

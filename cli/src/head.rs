@@ -1,4 +1,4 @@
-//! `anyface head`: makes a head from numbers.
+//! `anyface head`: makes a head from coefficients and traits.
 
 use std::{
     io::Write,
@@ -29,7 +29,7 @@ pub struct MakeHead {
     /// beside it, to NAME.landmarks.json
     #[arg(long, value_name = "HEAD.obj")]
     out: OutputPath,
-    /// Number of a random head. The same number makes the same head
+    /// Seed of a random head. The same seed makes the same head
     #[arg(long, value_name = "N", conflicts_with_all = ["mix", "code", "like"])]
     seed: Option<u64>,
     /// A mixture of the heads of two seeds, half of each, as in 7,12, or with a share of the second, as in 7,12,0.3
@@ -44,17 +44,18 @@ pub struct MakeHead {
     /// Landmarks of the scan as JSON [default: they are detected]
     #[arg(long, value_name = "L.json", requires = "like")]
     like_landmarks: Option<InputPath>,
-    /// A slider such as age or face-width, from -4 to 4. 0 is the average head. Every run of `anyface head` prints all sliders
-    /// and where they stand. May be repeated
+    /// A slider such as age or face-width, from -4 to 4. 0 is the average head. Every run of
+    /// `anyface head` prints all sliders and their values. May be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = direction, allow_hyphen_values = true)]
     direction: Vec<(String, f32)>,
-    /// Bring coefficients that lie far outside the training heads back to those
+    /// Pull coefficients that lie far outside those of the training heads back to them
     #[arg(long)]
     pull_back: bool,
-    /// Write the surface of the field instead, on a grid of N cells along its longest side. It has no traits and no eyes
+    /// Write the surface of the head's distance field instead, from a grid with N cells along its
+    /// longest side. This surface has no traits and no eyes
     #[arg(long, value_name = "N")]
     surface: Option<usize>,
-    /// Only the skin, without eyes, teeth, tongue, lashes and brows
+    /// Write only the skin, without eyes, teeth, tongue, lashes and brows
     #[arg(long)]
     skin_only: bool,
     /// Also write the numbers of the head as JSON
@@ -69,14 +70,14 @@ struct Mixture {
     share: f32,
 }
 
-/// A run and what the head is.
+/// The report of a run, with the numbers of the head.
 #[derive(Serialize)]
 struct HeadReport<'a> {
     #[serde(flatten)]
     run: &'a Report,
     landmarks: String,
     coefficients: &'a [f32],
-    /// Where each slider stands.
+    /// The value of each slider.
     directions: Vec<(String, f32)>,
     #[serde(skip_serializing_if = "Option::is_none")]
     fit: Option<ScanFit>,
@@ -125,7 +126,7 @@ impl MakeHead {
         console.value(&full, &summary(&full, &head))
     }
 
-    /// Results whose names come from that of the head.
+    /// Results whose names derive from that of the head.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         vec![self.landmarks_path()]
     }

@@ -1,4 +1,4 @@
-//! `anyface info`: what this build is and what it carries.
+//! `anyface info`: shows the version, the systems and the models.
 
 use anyface::{
     Result,
@@ -9,7 +9,8 @@ use clap::Args;
 
 use crate::{arguments::SharedArgs, console::Console};
 
-/// Show the version and the weights: built in with their cards, or yours with --weights
+/// Show the version and the model weights: the built-in ones with their cards, or yours with
+/// --weights
 #[derive(Args)]
 pub struct Info {
     /// Print the whole card of this model
@@ -25,7 +26,8 @@ impl Info {
         }
         let version = env!("CARGO_PKG_VERSION");
         let threads = rayon::current_num_threads();
-        // Weights that do not load are refused here, not later in the middle of work.
+        // Loads the weights, so that broken ones are refused here and not in the middle of later
+        // work.
         let requested_weights = shared.weights();
         if requested_weights.is_some() {
             shared.engine()?;
@@ -60,7 +62,7 @@ impl Info {
     }
 }
 
-/// The heading of a card, without its mark and the model's own name.
+/// The heading of a card, without the `#` and the model's own name.
 fn title(card: &str) -> &str {
     let heading = card.lines().next().unwrap_or("").trim_start_matches('#');
     heading

@@ -1,4 +1,4 @@
-//! `anyface landmarks`: the 68 landmarks of a mesh.
+//! `anyface landmarks`: finds the 68 landmarks of a mesh.
 
 use std::io::Write;
 
@@ -18,7 +18,7 @@ pub struct FindLandmarks {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The result as JSON: position, vertex and confidence of each, and how the lips meet
+    /// The result as JSON: position, vertex and confidence of each landmark, and how the lips meet
     #[arg(long, value_name = "L.json")]
     out: OutputPath,
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! Speech and emotion as two layers of a performance, the user's mask between them, and the mask that the model computes.
+//! Splits a performance into the layers of speech and emotion, blends them with the user's mask,
+//! and writes the mask that the model computes.
 
 use std::path::{Path, PathBuf};
 
@@ -21,8 +22,9 @@ pub struct LayerArgs {
     /// alone moves the face
     #[arg(long, value_name = "M.json", conflicts_with = "redo")]
     mask: Option<InputPath>,
-    /// Also write layers (emoface): content is the motion of speech alone, emotion is the motion that emotion adds. Their
-    /// files lie beside the result, with _content and _emotion in their names
+    /// Also write layers (emoface): content is the motion of speech alone, emotion is the motion
+    /// that emotion adds. Their files are written beside the result, with _content and _emotion in
+    /// their names
     #[arg(
         long,
         value_name = "LAYERS",
@@ -30,7 +32,8 @@ pub struct LayerArgs {
         conflicts_with = "redo"
     )]
     layers: Vec<Layer>,
-    /// Also write how far the model lets emotion act in each frame and vertex (emoface): .npz with mask [T, V]
+    /// Also write how strongly the model lets emotion act in each frame at each vertex (emoface):
+    /// .npz with mask [T, V]
     #[arg(long, value_name = "W.npz", conflicts_with = "redo")]
     mask_out: Option<OutputPath>,
 }
@@ -48,12 +51,12 @@ pub struct Layered<'a> {
     pub performance: &'a Performance,
     /// The layer of speech alone, where an option needs it.
     content: Option<Performance>,
-    /// `[V]`, 1 without a mask.
+    /// The share of emotion for each vertex, `[V]`. All are 1 if the user gives no mask.
     mask: Vec<f32>,
 }
 
 impl LayerArgs {
-    /// Checks what is cheap to check.
+    /// Runs the cheap checks before any work starts.
     pub fn check(&self) -> Result<()> {
         match &self.mask_out {
             Some(path) if Format::from_path(path)? != Format::Npz => {
@@ -79,8 +82,8 @@ impl LayerArgs {
         self.needs_content() || self.mask_out.is_some()
     }
 
-    /// Frames that are in memory at once: two blocks, and the mask. A frame of the mask is a third of a frame of motion,
-    /// because it has one number a vertex instead of three.
+    /// The frames that are in memory at once: at most two blocks, and the mask. A frame of the mask
+    /// is a third of a frame of motion, because it has one number a vertex instead of three.
     pub fn count_frames_in_memory(&self, frames: usize, mesh: &Mesh) -> usize {
         let mask = match self.mask_out {
             Some(_) => frames / 3,

@@ -73,7 +73,7 @@ enum Command {
     Info(info::Info),
 }
 
-/// Reads the command line, runs it and says how it went.
+/// Reads the command line, runs the command and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
     let matches = Arguments::command().get_matches();
@@ -93,7 +93,7 @@ pub fn main() -> ExitCode {
 }
 
 impl Command {
-    /// The error that no face was found also says which argument helps.
+    /// If no face was found, extends the error with the argument that helps.
     fn with_remedy(&self, error: Error) -> Error {
         let remedy = match self {
             Command::Head(_) => {
@@ -109,14 +109,14 @@ impl Command {
 }
 
 impl Arguments {
-    /// What is read and written.
+    /// The files that the command line reads and writes.
     fn files(&self, matches: &ArgMatches) -> Files {
         let mut command = Arguments::command();
         command.build();
         Files::new(&command, matches, self.outputs_beside())
     }
 
-    /// Results whose names come from those of other results.
+    /// Further results, whose names derive from those of other results.
     fn outputs_beside(&self) -> Vec<PathBuf> {
         match &self.command {
             Command::Animate(command) => command.outputs_beside(),
@@ -127,8 +127,8 @@ impl Arguments {
         }
     }
 
-    /// Does what is asked; its results are all there in the end or none is, but those of a batch, which come one by one.
-    /// Returns the exit code.
+    /// Runs the command and returns its exit code. Either all results are written or none. Only a batch
+    /// writes its results one by one.
     fn job(&self, files: &Files, is_cancelled: fn() -> bool, console: &Console) -> Result<u8> {
         files.check()?;
         if let Command::Batch(command) = &self.command {

@@ -1,5 +1,7 @@
-//! What the command does when memory runs out. It removes half-written files, prints the error, and exits with its code.
-//! Without this, Rust would end the process by SIGABRT, leave the files, and tell scripts nothing.
+//! Ends the command in good order when memory runs out.
+//!
+//! It removes half-written files, prints the error, and exits with its code. Without this, Rust would end the
+//! process by SIGABRT, leave the files, and tell scripts nothing.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -21,7 +23,7 @@ fn note(place: *mut u8) -> *mut u8 {
     place
 }
 
-// SAFETY: every call goes to the system's allocator as it came.
+// SAFETY: every call is passed on unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Watched {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(unsafe { System.alloc(layout) })
@@ -40,7 +42,7 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// Ends the process politely from now on where memory ends.
+/// From now on, ends the process in good order when memory runs out.
 #[cfg(unix)]
 pub fn guard(json: bool) {
     use std::{
@@ -54,7 +56,7 @@ pub fn guard(json: bool) {
 
     use crate::console::error_text;
 
-    /// Kept for what is still to do.
+    /// Bytes kept back until memory runs out, so that the clean-up has room.
     const RESERVE: usize = 256 << 10;
 
     let reserve = Mutex::new(Some(vec![1_u8; RESERVE]));
@@ -73,7 +75,7 @@ pub fn guard(json: bool) {
         let _ = std::io::stderr().write_all(text.as_bytes());
         low_level::exit(code);
     });
-    // A crate that gets no memory may panic instead, as faer does.
+    // Some crates panic instead when they get no memory, as faer does.
     let (end_of_panic, report) = (Arc::clone(&end), panic::take_hook());
     panic::set_hook(Box::new(move |info| {
         end_of_panic();

@@ -44,7 +44,8 @@ pub struct Motion {
 
 impl Motion {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
+        // The kind of motion is known only once the system is loaded. Refuse a name that fits no kind
+        // before that.
         check_motion_path(&self.out, true)?;
         let request = self.motion.request(shared)?;
         let redo = self.redo.request()?;

@@ -35,7 +35,7 @@ pub struct Open {
     face: FaceArgs,
 }
 
-/// What is cut open.
+/// The feature that is cut open.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// Lips that are one surface.
@@ -45,7 +45,7 @@ pub enum Feature {
 }
 
 impl Open {
-    /// The landmarks of the new mesh.
+    /// The landmarks file of the new mesh.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         vec![landmarks_beside(&self.out)]
     }
@@ -103,8 +103,8 @@ fn check_name(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes an opened mesh, and its landmarks beside it. `source`: the file of the old mesh. `mouth`: how the lips of the new
-/// one meet.
+/// Writes an opened mesh, and its landmarks beside it. `source` is the file of the old mesh. `mouth` says how
+/// the lips of the new mesh meet.
 pub fn write(
     out: &Path,
     source: &Path,

@@ -49,7 +49,7 @@ path_type! {
     OutputPath
 }
 path_type! {
-    /// A folder of files that only anyface knows.
+    /// A folder of files that only anyface uses.
     CachePath
 }
 
@@ -60,7 +60,7 @@ pub fn landmarks_beside(mesh: &Path) -> PathBuf {
     mesh.with_extension("landmarks.json")
 }
 
-/// What a path belongs to, as an error names it.
+/// A path, and the option that an error names with it.
 struct Named {
     option: String,
     path: PathBuf,
@@ -73,7 +73,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// The files of all options. `beside`: results whose names come from those of other results.
+    /// The files of all options. `beside` are results whose names derive from those of other results.
     pub fn new(command: &Command, matches: &ArgMatches, beside: Vec<PathBuf>) -> Files {
         let mut files = Files {
             inputs: Vec::new(),
@@ -95,7 +95,7 @@ impl Files {
                 option: option.clone(),
                 path: path.to_owned(),
             };
-            // An option of another type than asked for is an error, which says that it is no such path.
+            // If the option has another type, the call returns an error: it is no path of this kind.
             if let Ok(Some(paths)) = matches.try_get_many::<InputPath>(id) {
                 self.inputs.extend(paths.map(|path| named(path)));
             }
@@ -110,7 +110,7 @@ impl Files {
         }
     }
 
-    /// Refuses a result that would replace a file which is read, or another result.
+    /// Refuses a result that would replace an input file or another result.
     ///
     /// # Errors
     /// `InvalidInput` that names both options.
@@ -165,14 +165,15 @@ mod tests {
         arg.get_value_parser().type_id() == TypeId::of::<T>()
     }
 
-    /// Long options of one subcommand whose values have a type.
+    /// Long options of one subcommand whose values have the type `T`.
     fn options<T: 'static>(command: &Command) -> Vec<String> {
         let args = command.get_arguments().filter(|arg| is::<T>(arg));
         let long = args.filter_map(|arg| arg.get_long());
         long.map(|long| format!("--{long}")).collect()
     }
 
-    /// The files of a subcommand with two options and all that these require; nothing where they exclude each other.
+    /// The files of a subcommand with two options and all that these require. `None` if they exclude each
+    /// other.
     fn files(name: &str, first: (&str, &Path), second: (&str, &Path)) -> Option<Files> {
         let mut words: Vec<OsString> = ["anyface".into(), name.into()].into();
         for (option, path) in [first, second] {

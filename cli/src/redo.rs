@@ -34,7 +34,7 @@ pub struct Redo<'a> {
 }
 
 impl RedoArgs {
-    /// The stretch and its file, `None` without --redo. Checks the name of the file, and does not open it.
+    /// The stretch and its file, or `None` without --redo. Checks the name of the file but does not open it.
     pub fn request(&self) -> Result<Option<Redo<'_>>> {
         let (Some(stretch), Some(from)) = (self.redo, self.from.as_deref()) else {
             return Ok(None);
@@ -50,7 +50,7 @@ impl RedoArgs {
 }
 
 impl Redo<'_> {
-    /// The earlier animation with the stretch as in `performance`, written to `out`.
+    /// Writes the earlier animation to `out`, with the stretch taken from `performance`.
     pub fn animate(
         &self,
         engine: &Engine,
@@ -96,7 +96,7 @@ impl Redo<'_> {
         })
     }
 
-    /// Motion and life of the file with the stretch as in `performance`.
+    /// Returns motion and life of the earlier file, with the stretch taken from `performance`.
     pub fn motion(&self, performance: &Performance) -> Result<(Motion, Life)> {
         let new = &performance.motion;
         let was = match new {
@@ -105,7 +105,7 @@ impl Redo<'_> {
         };
         self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
         let redone = match new {
-            // Files of motion hold no codes.
+            // Motion files hold no codes.
             Motion::Codes(new) => {
                 was.redone(&Motion::Landmarks(new.landmarks.clone()), &self.stretch)?
             }
@@ -114,7 +114,7 @@ impl Redo<'_> {
         Ok((redone, self.life(&performance.life, new.fps())?))
     }
 
-    /// The weights of the file, in the order of `new`.
+    /// The weights of the file, whose shapes must be those of `new` in the same order.
     fn weights(&self, new: &WeightClip) -> Result<WeightClip> {
         match read_weights(self.from)? {
             Some(was) if was.names == new.names => Ok(was),

@@ -20,12 +20,12 @@ use crate::{
     stages::{new_report, note_face, timed},
 };
 
-/// What moves the skin of a shape.
+/// The source of the displacements of each shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum By {
-    /// Landmarks of a mean face with a network's correction
+    /// The landmarks of a mean face, corrected by a network
     Network,
-    /// The field of FaceTalk's head that is like the mesh
+    /// The deformation field of the FaceTalk head that resembles the mesh
     Field,
 }
 
@@ -39,10 +39,10 @@ pub struct MakeRig {
     /// Perfect Sync), or a folder with one OBJ for each shape. A VRM keeps everything else of the mesh's VRM
     #[arg(long, value_name = "R")]
     out: OutputPath,
-    /// What moves the skin of each shape: network, or the field of a head that is like the mesh
+    /// What moves the skin in each shape: a network, or the field of a head that resembles the mesh
     #[arg(long, value_enum, default_value_t = By::Network)]
     by: By,
-    /// Also make each ARKit shape at half its weight, as NAME_half. It need not lie halfway (--by field)
+    /// Also make each ARKit shape at half its weight, as NAME_half, which need not lie halfway (--by field)
     #[arg(long)]
     in_betweens: bool,
     /// Also write a report of every shape
@@ -52,7 +52,7 @@ pub struct MakeRig {
     face: FaceArgs,
 }
 
-/// A run and what came of each shape.
+/// The report of a run, and one for each shape.
 #[derive(Serialize)]
 struct RigReport<'a> {
     #[serde(flatten)]
@@ -61,7 +61,7 @@ struct RigReport<'a> {
 }
 
 impl MakeRig {
-    /// Files in the folder of shapes.
+    /// All files that a folder of shapes may hold.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         if !is_folder(&self.out) {
             return Vec::new();
@@ -150,7 +150,7 @@ impl MakeRig {
     }
 }
 
-/// What is written.
+/// The format of the result.
 #[derive(Debug, Clone, Copy)]
 enum Form {
     Archive,
@@ -171,7 +171,7 @@ fn note_shapes(report: &mut Report, shapes: &[ShapeReport]) {
     }
 }
 
-/// For people: the shapes in a table, then what is amiss.
+/// The summary for people: the total, then a table of the shapes and their notes.
 fn summary(report: &Report, shapes: &[ShapeReport]) -> String {
     let present = shapes.iter().filter(|shape| shape.present).count();
     let total: f64 = report.seconds.values().sum();

@@ -35,7 +35,7 @@ enum Shapes {
 enum Names {
     /// Both
     All,
-    /// Only the 52 of Perfect Sync. An avatar that has both kinds would otherwise move twice
+    /// Only the 52 expressions of Perfect Sync. An avatar that has both kinds would otherwise move twice
     PerfectSync,
     /// Only those of VRM
     Vrm,
@@ -68,10 +68,10 @@ pub fn copy_sound(out: &Path, audio: &Path) -> Result<()> {
 }
 
 impl SceneArgs {
-    /// Refuses options that the format of the result does not have.
+    /// Refuses options that the format of the result does not support.
     ///
     /// # Errors
-    /// `InvalidInput` for these and for an unknown ending.
+    /// `InvalidInput` for such options and for an unknown ending.
     pub fn check(&self, out: &Path) -> Result<()> {
         let format = Format::from_path(out)?;
         let is_shown = matches!(format, Format::Glb | Format::Usda);
@@ -89,7 +89,8 @@ impl SceneArgs {
         }
     }
 
-    /// How many frames of memory the shapes take beside the take: those of the mesh, and those of a solve.
+    /// Memory of the shapes of the mesh and of a solve, as a number of frames. The take itself does not
+    /// count.
     pub fn count_shape_frames(&self, out: &Path) -> usize {
         let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
         match is_avatar || self.targets == Shapes::Arkit {
@@ -101,7 +102,7 @@ impl SceneArgs {
     /// Opens the file of a result. A scene names its sound. A GLB keeps everything else of the GLB that the mesh came from.
     ///
     /// # Errors
-    /// Those of the mesh's file and of its rig.
+    /// The errors of reading the mesh's file and of making its rig.
     pub fn file(
         &self,
         out: &Path,

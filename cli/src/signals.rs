@@ -7,7 +7,7 @@ use std::{
 
 use anyface::job::remove_unfinished;
 
-/// Exit code of the second signal: 128 and the number of SIGINT, as shells have it.
+/// Exit code after the second signal: 128 plus the number of SIGINT, as in shells.
 const AT_ONCE: i32 = 130;
 
 static TO_END: AtomicBool = AtomicBool::new(false);
@@ -17,8 +17,9 @@ pub fn are_to_end() -> bool {
     TO_END.load(Ordering::Relaxed)
 }
 
-/// Listens for SIGINT, SIGTERM and SIGHUP from now on. The first makes the next report of progress cancel the
-/// job, which then removes its half-written files. The second ends the process without waiting for that.
+/// From now on, listens for SIGINT, SIGTERM and SIGHUP. After the first, the next report of progress
+/// cancels the job, which then removes its half-written files. The second ends the process without waiting
+/// for that.
 ///
 /// SIGXFSZ would end a process whose file grows beyond `ulimit -f`. The command only notes the signal, so that the write
 /// fails like any other.
@@ -29,12 +30,12 @@ pub fn listen() {
         flag,
         iterator::Signals,
     };
-    // Without it such a write ends the command, and leaves files.
+    // Without this, such a write would end the command and leave half-written files.
     let _ = flag::register(SIGXFSZ, std::sync::Arc::default());
     let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGHUP]) else {
         return;
     };
-    // A command without this thread can still be ended, only not politely.
+    // Without this thread, a signal still ends the command, but without the clean-up.
     let _ = std::thread::Builder::new()
         .name("signals".into())
         .spawn(move || {
@@ -44,10 +45,10 @@ pub fn listen() {
         });
 }
 
-/// Listens for Ctrl-C, Ctrl-Break and the end of the session from now on; see the other systems' `listen`.
+/// From now on, listens for Ctrl-C, Ctrl-Break and the end of the session, like `listen` of other systems.
 #[cfg(windows)]
 pub fn listen() {
-    // A command without it can still be ended, only not politely.
+    // Without this handler, they still end the command, but without the clean-up.
     let _ = ctrlc::set_handler(end);
 }
 

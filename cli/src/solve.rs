@@ -19,7 +19,7 @@ use crate::{
     stages::{new_report, timed},
 };
 
-/// Share of the motion that may stay unexplained before the user is told.
+/// Share of the motion that may stay unexplained before the user is warned.
 const POOR: f32 = 0.3;
 
 /// Turn a vertex animation into weights of ARKit shapes
@@ -34,8 +34,8 @@ pub struct Solve {
     /// Shapes of the mesh, as `anyface rig` writes them
     #[arg(long, value_name = "R.npz")]
     rig: InputPath,
-    /// Landmarks of the mesh as JSON. They say where the lips are. Lips that meet in the animation then also meet under the
-    /// weights
+    /// Landmarks of the mesh as JSON. They say where the lips are, so that lips that meet in the animation
+    /// also meet under the weights
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
     /// The result: .csv (Live Link Face) or .json
@@ -60,9 +60,9 @@ pub struct Solve {
 struct SolveReport<'a> {
     #[serde(flatten)]
     run: &'a Report,
-    /// Root mean square over vertices and frames, mesh units.
+    /// Root mean square of the motion over vertices and frames, in mesh units.
     motion_rms: f32,
-    /// The same of what the weights leave.
+    /// The same for the motion that the weights leave unexplained.
     residual_rms: f32,
 }
 
@@ -106,7 +106,7 @@ impl Solve {
         self.tell(&mut report, &solved, console)
     }
 
-    /// Vertices of the lips that meet; none where nobody says where they are.
+    /// Pairs of lip vertices that meet. None without `--landmarks`.
     fn lips(&self, mesh: &Mesh) -> Result<Vec<[u32; 2]>> {
         let Some(path) = &self.landmarks else {
             return Ok(Vec::new());

@@ -1,4 +1,6 @@
-//! `anyface sounds`: writes what is heard in speech to a file that people can correct, or converts one such file to another.
+//! `anyface sounds`: writes the sounds heard in speech to a file that people can correct.
+//!
+//! It also converts one such file to another.
 
 use anyface::{
     Result,
@@ -15,23 +17,24 @@ use crate::{
     stages::{new_report, read_sound},
 };
 
-/// Write where the lips are heard to be together (p, b, m). Correct the file and hand it to `animate --sounds`. With
-/// --phones or a text it also has the phones that are heard, and the times of the text's words
+/// Write the times at which the speech closes the lips (p, b, m). Correct the file and pass it to
+/// `animate --sounds`. With --phones or a text, the file also has the phones that are heard and the times of
+/// the text's words
 #[derive(Args)]
 pub struct Sounds {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A", required_unless_present = "sounds")]
     audio: Option<InputPath>,
-    /// Convert this file of times to another format, and listen to nothing
+    /// Convert this file of times to another format instead of listening to speech
     #[arg(long, value_name = "S", conflicts_with = "audio")]
     sounds: Option<InputPath>,
     /// Also write the phones that are heard (IPA)
     #[arg(long, conflicts_with = "sounds")]
     phones: bool,
-    /// The words that are said. The file gets their times and their phones
+    /// The words that are spoken. The result gets their times and phones
     #[arg(long, value_name = "W", conflicts_with_all = ["sounds", "text_file"])]
     text: Option<String>,
-    /// The same from a file in UTF-8
+    /// Read the spoken words from this UTF-8 file instead
     #[arg(long, value_name = "F", conflicts_with = "sounds")]
     text_file: Option<InputPath>,
     /// The result: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo (Papagayo), .dat (Moho) or .txt
@@ -40,7 +43,7 @@ pub struct Sounds {
     out: OutputPath,
     #[command(flatten)]
     sound: SoundArgs,
-    /// Frames per second that .pgo and .dat count
+    /// Frames per second of .pgo and .dat files
     #[arg(long, default_value_t = 24.0)]
     fps: f64,
 }
@@ -97,7 +100,7 @@ impl Sounds {
         self.phones || self.text.is_some() || self.text_file.is_some()
     }
 
-    /// The text that is said in the sound.
+    /// The text that is spoken in the sound.
     fn spoken(&self) -> Result<Option<String>> {
         let Some(path) = &self.text_file else {
             return Ok(self.text.clone());

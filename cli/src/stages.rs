@@ -1,4 +1,4 @@
-//! The stages that subcommands put together, each timed into the report.
+//! The stages that subcommands consist of. The report gets the time of each.
 
 use std::{
     path::Path,
@@ -42,7 +42,7 @@ fn note(report: &mut Report, stage: &str, spent: Duration) {
     *report.seconds.entry(stage.into()).or_default() += spent.as_secs_f64();
 }
 
-/// Decodes the sound, and notes its length and what is wrong with it.
+/// Decodes the sound. Notes its length and warns about its faults.
 pub fn read_sound(
     report: &mut Report,
     path: &Path,
@@ -58,7 +58,7 @@ pub fn read_sound(
     Ok(file)
 }
 
-/// Adds the emotion that is heard in a part to that of the parts before.
+/// Appends the emotion heard in a part to that of the earlier parts.
 pub fn add_heard(all: &mut Option<HeardEmotion>, part: Option<HeardEmotion>) {
     if let Some(part) = part {
         all.get_or_insert_default().extend(part);
@@ -69,7 +69,7 @@ pub fn add_heard(all: &mut Option<HeardEmotion>, part: Option<HeardEmotion>) {
 /// memory at once, and `sound_s` seconds of sound are performed at once.
 ///
 /// # Errors
-/// `OutOfMemory` where it does not fit.
+/// `OutOfMemory` if it does not fit.
 pub fn note_memory(
     report: &mut Report,
     engine: &Engine,
@@ -83,7 +83,7 @@ pub fn note_memory(
     Ok(())
 }
 
-/// Notes how sure the landmarks are.
+/// Notes the confidence of the landmarks, and warns about regions where it is low.
 fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
     let least = confidence.iter().copied().fold(f32::INFINITY, f32::min);
     let mean = confidence.iter().sum::<f32>() / confidence.len() as f32;
@@ -106,7 +106,7 @@ fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
     }
 }
 
-/// Notes how the lips meet; welded ones are worth a warning.
+/// Notes how the lips meet, and warns if they are welded.
 fn note_mouth(report: &mut Report, mouth: Mouth) {
     report.mouth = Some(mouth.name().into());
     if mouth == Mouth::Welded {
@@ -114,7 +114,7 @@ fn note_mouth(report: &mut Report, mouth: Mouth) {
     }
 }
 
-/// A sink that times another one.
+/// A sink that measures the time that another sink takes.
 struct TimedSink<S> {
     inner: S,
     spent: Duration,
@@ -182,7 +182,7 @@ pub fn spread_into(
     Ok(())
 }
 
-/// Writes speech on a face to a file. A long sound is performed one stretch after the other.
+/// Writes the speech of a face to a file. A long sound is performed one stretch after the other.
 pub fn speak_into(
     file: ClipFile,
     (engine, face): (&Engine, &Face),
@@ -255,7 +255,7 @@ pub fn note_result(
     report.vertices = Some(face.mesh.positions.len());
 }
 
-/// Notes what the user should know about a face: sure landmarks, mouth, pose and eyes.
+/// Notes facts and warnings about a face: landmark confidence, mouth, rest pose and eyes.
 pub fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
@@ -263,7 +263,7 @@ pub fn note_face(report: &mut Report, face: &Face) {
     report.warnings.extend(lids_sentence(face));
 }
 
-/// Which eyes do not blink and why, where any do not.
+/// Says which eyes do not blink and why. `None` if both blink.
 pub fn lids_sentence(face: &Face) -> Option<String> {
     let [right, left] = face.lids();
     let cut = match [right, left].contains(&Lids::Joined) {
@@ -298,9 +298,9 @@ pub fn lids_sentence(face: &Face) -> Option<String> {
 
 /// Least probability of an emotion that gets a line in the summary.
 const LIKELY: f64 = 0.25;
-/// Letters of a line, from low to high.
+/// Characters that draw a line of the summary, from low to high.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-/// Most letters of a line.
+/// The most characters in such a line.
 const LINE: usize = 40;
 
 /// One line for each likely emotion: its probability over time, and the time of its peak.

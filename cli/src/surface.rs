@@ -1,5 +1,7 @@
-//! Options that say where an animation goes: the vertices of the mesh to one file, or the surface of the head that is like
-//! the mesh to one file a frame. And the report of the run.
+//! Options for the result and the report of an animation.
+//!
+//! The result is either one file with the vertices of the mesh, or one file a frame with the surface of the
+//! head that resembles the mesh.
 
 use std::path::Path;
 
@@ -26,8 +28,8 @@ pub struct SurfaceArgs {
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<OutputPath>,
-    /// Write the surface of the head that is like the mesh instead (facetalk), one PLY for each frame, on a grid of N cells
-    /// along its longest side, 32 to 512
+    /// Write the surface of the head that resembles the mesh instead (facetalk), one PLY for each frame.
+    /// Its grid has N cells along its longest side, 32 to 512
     #[arg(long, value_name = "N")]
     surface: Option<usize>,
 }
@@ -37,7 +39,7 @@ impl SurfaceArgs {
         self.surface.is_some()
     }
 
-    /// Checks what is cheap to check.
+    /// Makes the checks that need no engine.
     pub fn check(&self, out: &Path) -> Result<()> {
         let Some(cells) = self.surface else {
             return Format::from_path(out).map(drop);
@@ -52,7 +54,7 @@ impl SurfaceArgs {
         check_new_folder(out)
     }
 
-    /// Checks that the system has what is to be written.
+    /// Checks that the system can make a surface, if one is asked for.
     pub fn check_system(&self, engine: &Engine) -> Result<()> {
         match self.is_asked() {
             true => engine.system().require(Ability::Head, "surface"),
@@ -68,7 +70,8 @@ impl SurfaceArgs {
         console.report(report, &summary(report))
     }
 
-    /// Writes the frames into the folder `out`, and notes what they are; lips were asked for so much `articulation`.
+    /// Writes the frames into the folder `out` and notes them in the report. `articulation` is the requested
+    /// articulation of the lips.
     pub fn write(
         &self,
         (engine, face): (&Engine, &Face),

@@ -1,4 +1,4 @@
-//! `anyface units`: what an expression asks of a face.
+//! `anyface units`: the action units of an expression.
 
 use anyface::{
     Result,
@@ -28,7 +28,7 @@ impl Units {
     }
 }
 
-/// What is laid down, or what the model of texts understands.
+/// The fixed units of an expression, or else those that the text model finds.
 fn understood(text: &str, shared: &SharedArgs) -> Result<Understood> {
     let expression = Expression::parse(text)?;
     if expression.units.is_empty() {

@@ -1,4 +1,5 @@
-//! What every target does with its bytes, for the fuzzers and for the tests, which replay the corpus.
+//! What each fuzz target does with its bytes. The fuzzers call these functions, and so do the
+//! tests, which replay the corpus.
 
 use std::{io::Write, path::Path, sync::OnceLock};
 
@@ -16,7 +17,8 @@ use anyface::{
     text::{self, TextUnits},
 };
 
-/// OBJ, PLY and GLB: a mesh that is read passes its own check and keeps to the size of its file.
+/// OBJ, PLY and GLB: a mesh that can be read passes its own check and is no larger than the size of
+/// its file allows.
 pub fn mesh(bytes: &[u8]) {
     if let Ok(mesh) = Mesh::parse(bytes) {
         mesh.check().unwrap();
@@ -29,7 +31,8 @@ pub fn mesh(bytes: &[u8]) {
     assert!(names.of_vertex.len() <= bytes.len());
 }
 
-/// Sounds of every kind: what is read is finite, and a loss is less than the whole.
+/// Sound files of every kind: samples that can be read are finite, and a damaged share is more than
+/// 0 and at most the whole.
 pub fn sound(bytes: &[u8]) {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
@@ -44,7 +47,7 @@ pub fn sound(bytes: &[u8]) {
     }
 }
 
-/// npz, pc2 and mdd: the first byte chooses the reader; what is read is finite.
+/// npz, pc2 and mdd files: values that can be read are finite. The first byte chooses the reader.
 pub fn arrays(bytes: &[u8]) {
     let Some((choice, bytes)) = bytes.split_first() else {
         return;
@@ -71,7 +74,7 @@ pub fn arrays(bytes: &[u8]) {
     }
 }
 
-/// Landmarks, events and times of sounds as text: the first byte chooses the reader.
+/// Text files with landmarks, events or the times of sounds. The first byte chooses the reader.
 pub fn text(bytes: &[u8]) {
     let Some((choice, bytes)) = bytes.split_first() else {
         return;
@@ -95,10 +98,11 @@ pub fn text(bytes: &[u8]) {
     let _ = EmotionCurve::parse_keys(&String::from_utf8_lossy(bytes));
 }
 
-/// A folder with one damaged model: an engine of it is refused, or what it performs is finite.
+/// A folder with one damaged model: the engine either refuses it or gives finite motion.
 ///
-/// The first byte chooses the model, the second whether its config or its weights are damaged; the others
-/// are places and bytes.
+/// The first byte chooses the model. The second chooses whether to damage its config or its
+/// weights, and which system uses a model that all share. Then follow groups of four bytes: three
+/// for a position, one for the new value.
 pub fn models(bytes: &[u8]) {
     let [choice, part, changes @ ..] = bytes else {
         return;
@@ -121,7 +125,7 @@ pub fn models(bytes: &[u8]) {
     std::fs::create_dir(&model_folder).unwrap();
     std::fs::write(model_folder.join("model.safetensors"), weights).unwrap();
     std::fs::write(model_folder.join("config.json"), config).unwrap();
-    // Of a model that all share, any system's.
+    // If no system owns the model, all share it: use any of them.
     let owns = |system: &&&Registration| {
         system
             .models
@@ -147,7 +151,7 @@ pub fn models(bytes: &[u8]) {
     }
 }
 
-/// What an engine does not read for motion: texts and heads.
+/// Checks the models that an engine does not need for motion: those of texts and heads.
 fn beside_the_engine(model: &str, folder: &Path) {
     if model == text::MODEL.name
         && let Ok(words) = TextUnits::open(Some(folder))
@@ -167,10 +171,12 @@ fn beside_the_engine(model: &str, folder: &Path) {
     }
 }
 
-/// A stretch of a motion made again: the earlier one comes from a file, or from any numbers; the result has its shape, the
-/// frames outside stay to the bit, and what is finite stays so.
+/// Replaces a stretch of a motion, which comes from a file or from arbitrary numbers. The result
+/// has the same shape, frames outside the stretch are identical to the bit, and finite frames stay
+/// finite.
 ///
-/// The first byte chooses the kind, the next sixteen are start and end of the stretch, or its text.
+/// The first byte chooses the kind. The next sixteen are the start and end of the stretch, or its
+/// text.
 pub fn redo(bytes: &[u8]) {
     let Some((&kind, bytes)) = bytes.split_first() else {
         return;
@@ -239,7 +245,7 @@ fn redo_of_numbers(kind: u8, bytes: &[u8], stretch: &Stretch) {
     redo_as_still(&was, stretch);
 }
 
-/// Makes a stretch of a motion again as one that rests.
+/// Replaces a stretch of a motion with one at rest, and checks the result.
 fn redo_as_still(was: &Motion, stretch: &Stretch) {
     let still = ndarray::ArrayD::zeros(was.values().raw_dim());
     let again = match was {
@@ -272,9 +278,10 @@ fn redo_as_still(was: &Motion, stretch: &Stretch) {
     let _ = again_made.frames_of(rows);
 }
 
-/// Options and files of the parametric head: what is refused says why, and what is made is a mesh.
+/// Options and files of the parametric head: each is either refused or gives a valid mesh.
 ///
-/// The first byte chooses coefficients of a file, numbers (seeds, a mixture, a slider) or a scan; the second a resolution.
+/// The first byte chooses between coefficients from a file, numbers (seeds, a mixture, a slider)
+/// and a scan. The second chooses the resolution.
 pub fn heads(bytes: &[u8]) {
     static HEADS: OnceLock<HeadMaker> = OnceLock::new();
     const RESOLUTIONS: [usize; 12] = [
@@ -337,12 +344,12 @@ fn head_of_numbers(maker: &HeadMaker, bytes: &[u8]) -> Option<Vec<f32>> {
     Some(code)
 }
 
-/// A head like the mesh of a file; its landmarks are those of any of its vertices.
+/// Fits a head to the mesh in a file, with arbitrary vertices as its landmarks.
 fn head_like(maker: &HeadMaker, choice: u8, bytes: &[u8]) -> Option<Vec<f32>> {
     let (numbers, file) = bytes.split_at_checked(68)?;
     let scan = Mesh::parse(file).ok()?;
     let count = scan.positions.len();
-    // A mesh that is read has vertices; more would only take longer.
+    // Without vertices there is nothing to fit; more than this would only take longer.
     if count == 0 || count > 5_000 {
         return None;
     }

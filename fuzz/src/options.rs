@@ -1,4 +1,5 @@
-//! What the target `options` does with its bytes, for the fuzzer and for the tests of the command.
+//! What the fuzz target `options` does with its bytes. The fuzzer calls it, and so do the command's
+//! tests.
 
 use std::{
     fs,
@@ -8,9 +9,10 @@ use std::{
 
 use anyface::systems::built_in_models;
 
-/// Options of every subcommand: each is refused with a message, which leaves no file, or done.
+/// Runs any subcommand with any options: it either succeeds, or fails with a message and leaves no
+/// file behind.
 pub fn options(bytes: &[u8]) {
-    // Results lie in one folder.
+    // All runs write their results to the same folder.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _alone = ONE_AT_A_TIME.lock();
     let folder = folder();
@@ -29,7 +31,7 @@ pub fn options(bytes: &[u8]) {
     );
 }
 
-/// Names and sizes of the files of a folder, in folders too.
+/// The paths and sizes of the files in a folder and its subfolders.
 fn sizes(folder: &Path) -> Vec<(PathBuf, u64)> {
     let mut entries = Vec::new();
     for entry in fs::read_dir(folder).unwrap().flatten() {
@@ -42,7 +44,8 @@ fn sizes(folder: &Path) -> Vec<(PathBuf, u64)> {
     entries
 }
 
-/// A folder with small files for all options that read one, and models that cannot be loaded; made once.
+/// A folder, made once, with a small file for every option that reads one and with models that
+/// cannot be loaded.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
     FOLDER.get_or_init(make_folder).path()
@@ -94,7 +97,7 @@ fn make_folder() -> tempfile::TempDir {
     folder
 }
 
-/// A tenth of a second at 8 kHz.
+/// A WAV file with a tenth of a second of sound at 8 kHz.
 fn wav() -> Vec<u8> {
     let samples: Vec<u8> = (0..800)
         .flat_map(|i| ((i % 40) as i16 * 500).to_le_bytes())

@@ -14,16 +14,17 @@ use crate::{Microphone, devices};
 /// A device that is being recorded. It belongs to one thread at a time.
 pub struct AnyfaceMicrophone {
     microphone: Microphone,
-    /// What did not fit into the last read.
+    /// Samples that did not fit into the caller's buffer at the last read.
     rest: Vec<f32>,
     is_lost: bool,
 }
 
-/// Records the device of that name, of which a part is enough, or the system's choice for NULL. The system may ask its
-/// user first. A device that goes away is waited for.
+/// Records the device called `name`, or the system's default device if `name` is NULL. Part of a
+/// name is enough if no other device has it. The system may first ask the user for permission. If
+/// the device goes away, recording resumes when it is back.
 ///
-/// Returns NULL where nothing can be recorded; `message`, of `message_size` bytes, then says why. Close with
-/// `anyface_microphone_close()`.
+/// Returns NULL if nothing can be recorded; `message`, of `message_size` bytes, then receives the
+/// reason. Close with `anyface_microphone_close()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_open(
     name: *const c_char,
@@ -47,7 +48,8 @@ pub unsafe extern "C" fn anyface_microphone_open(
     null_mut()
 }
 
-/// Name of the device that is recorded, written into `name` of `name_size` bytes. Returns the bytes that the whole name needs.
+/// Writes the name of the recorded device into `name`, of `name_size` bytes. Returns how many bytes
+/// the whole name needs, with the closing zero.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_name(
     microphone: *const AnyfaceMicrophone,
@@ -58,9 +60,11 @@ pub unsafe extern "C" fn anyface_microphone_name(
     unsafe { write_text(text, name, name_size) }
 }
 
-/// Takes what has come, at once: at most `sample_count` samples into `samples`, mono, 16 kHz, -1 to 1. Returns how many.
+/// Reads the sound that has arrived, without waiting. Writes at most `sample_count` samples, mono,
+/// 16 kHz, -1 to 1, into `samples`. Returns how many it wrote.
 ///
-/// `is_lost`, which may be NULL, receives 1 where they are silence in place of a device that is gone, else 0.
+/// `is_lost`, which may be NULL, receives 1 if the samples are silence because the device is gone,
+/// else 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_read(
     microphone: *mut AnyfaceMicrophone,
@@ -94,7 +98,7 @@ impl AnyfaceMicrophone {
     }
 }
 
-/// Ends recording; nothing happens for NULL.
+/// Ends recording. Does nothing if `microphone` is NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_close(microphone: *mut AnyfaceMicrophone) {
     if !microphone.is_null() {
@@ -103,8 +107,8 @@ pub unsafe extern "C" fn anyface_microphone_close(microphone: *mut AnyfaceMicrop
     }
 }
 
-/// Names of the devices that record, a line each, the system's choice first, written into `names` of `names_size` bytes.
-/// Returns the bytes that all names need, with the closing zero.
+/// Writes the names of the recording devices into `names`, of `names_size` bytes: one a line, the
+/// system's default device first. Returns how many bytes all names need, with the closing zero.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_devices(
     names: *mut c_char,
@@ -114,7 +118,8 @@ pub unsafe extern "C" fn anyface_microphone_devices(
     unsafe { write_text(&text, names, names_size) }
 }
 
-/// Writes as much of `text` as there is room for, and a zero. Returns the bytes that all of it needs.
+/// Writes as much of `text` as fits, and a closing zero. Returns how many bytes the whole text
+/// needs, with the zero.
 unsafe fn write_text(text: &str, to: *mut c_char, size: usize) -> usize {
     if !to.is_null() && size > 0 {
         let mut end = text.len().min(size - 1);

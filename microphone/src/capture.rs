@@ -1,7 +1,8 @@
-//! A device that is being recorded, in a thread of its own, until nobody reads.
+//! Records a device, in a thread of its own, until the `Microphone` is dropped.
 //!
-//! A device that goes away is looked for until it is back. Meanwhile silence is read at the pace of the clock, so that
-//! whoever listens comes to rest and goes on by itself.
+//! If the device goes away, the thread looks for it until it is back. Meanwhile the reader gets
+//! silence at the pace of the clock, so that a face driven by it comes to rest and later resumes by
+//! itself.
 
 use std::{
     sync::{
@@ -25,25 +26,25 @@ use crate::{
     intake::Intake,
 };
 
-/// Blocks that wait to be read; what comes after them is dropped.
+/// The most blocks that can wait to be read; further ones are dropped.
 const WAITING: usize = 512;
-/// Blocks of a second that a device is asked for.
+/// How many blocks a second the device is asked to deliver.
 const BLOCKS_A_SECOND: u32 = 100;
-/// After so long without sound the device counts as lost, and silence is read.
+/// After this long without sound the device counts as lost, and the reader gets silence.
 const LOST: Duration = Duration::from_millis(200);
-/// After so long without sound the device is opened anew.
+/// After this long without sound the device is opened again.
 const DEAD: Duration = Duration::from_secs(2);
-/// How often a lost device is looked for.
+/// How long to wait before looking for a lost device again.
 const SEARCH: Duration = Duration::from_millis(500);
-/// How long the end of a microphone takes to be noticed.
+/// How long the thread takes to notice that the microphone was dropped.
 const TICK: Duration = Duration::from_millis(50);
 
-/// What has come since the last time.
+/// The sound that has arrived since the last read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// Mono, 16 kHz, nominally in [−1, 1]; empty where nothing has come yet.
+    /// Mono, 16 kHz, nominally in [−1, 1]. Empty if nothing has arrived yet.
     pub samples: Vec<f32>,
-    /// Whether the samples are silence in place of a device that is gone.
+    /// Whether the samples are silence because the device is gone.
     pub is_lost: bool,
 }
 
@@ -53,16 +54,17 @@ pub struct Microphone {
     blocks: Receiver<Vec<f32>>,
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Up to when sound or silence has been read.
+    /// The time up to which sound or silence has been read.
     read_until: Instant,
     is_lost: bool,
 }
 
 impl Microphone {
-    /// Records the device of that name, or the system's choice.
+    /// Records the device called `name`, or the system's default device if there is no name.
     ///
     /// # Errors
-    /// Why it cannot be recorded now. Once open, a microphone waits for a device that goes away.
+    /// If the device cannot be recorded now. Once open, a microphone waits for a lost device to
+    /// return.
     pub fn open(name: Option<&str>) -> Result<Microphone, MicrophoneError> {
         let (sender, blocks) = sync_channel(WAITING);
         let (answer, opened) = sync_channel(1);
@@ -94,7 +96,7 @@ impl Microphone {
         &self.name
     }
 
-    /// All that has come; waits for it, at most for `patience`.
+    /// All the sound that has arrived. If there is none, waits for at most `patience`.
     pub fn read(&mut self, patience: Duration) -> Block {
         let mut samples = match self.blocks.recv_timeout(patience) {
             Ok(samples) => samples,
@@ -113,7 +115,7 @@ impl Microphone {
         }
     }
 
-    /// Nothing yet, or silence for as long as nothing has come.
+    /// An empty block, or silence for the time since the last read if the device is lost.
     fn silence(&mut self) -> Block {
         let now = Instant::now();
         let since = now.saturating_duration_since(self.read_until);
@@ -140,7 +142,7 @@ impl Drop for Microphone {
     }
 }
 
-/// What the thread of a microphone has.
+/// The part of a microphone that runs in its thread.
 struct Worker {
     name: Option<String>,
     blocks: SyncSender<Vec<f32>>,
@@ -148,9 +150,9 @@ struct Worker {
 }
 
 impl Worker {
-    /// Records until the microphone is dropped; answers once whether it could begin.
+    /// Records until the microphone is dropped. Sends one `answer`: whether recording could start.
     fn run(self, answer: &SyncSender<Result<String, MicrophoneError>>) {
-        // The sound system that served the device: it is looked for in that one.
+        // The sound system of the device. A lost device is looked for only there.
         let mut host = None;
         while !self.is_over() {
             match Recording::begin(self.name.as_deref(), host, &self.blocks) {
@@ -174,7 +176,7 @@ impl Worker {
         }
     }
 
-    /// Returns when the recording has failed, brings nothing any more, or is no longer wanted.
+    /// Returns when the recording has failed or stalled, or when the microphone is dropped.
     fn watch(&self, recording: &Recording) {
         let (mut count, mut since) = (0, Instant::now());
         while !self.is_over() {
@@ -200,10 +202,10 @@ impl Worker {
 struct Recording {
     name: String,
     host: HostId,
-    /// Blocks that have come.
+    /// How many blocks have arrived.
     count: Arc<AtomicU64>,
     failure: Receiver<()>,
-    // Recording ends where this goes.
+    // Dropping this ends the recording.
     _stream: Stream,
 }
 
@@ -223,7 +225,7 @@ impl Recording {
         let (format, mut config) = (recording.sample_format(), recording.config());
         let count = Arc::new(AtomicU64::new(0));
         let (send_failure, failure) = sync_channel(1);
-        // Systems that only record blocks of their own size are asked again.
+        // Some systems only record in blocks of their own size: ask again with the default.
         let short = BufferSize::Fixed((config.sample_rate / BLOCKS_A_SECOND).max(1));
         let mut last = String::new();
         for size in [short, BufferSize::Default] {
@@ -282,7 +284,7 @@ impl Destination {
             self.count.fetch_add(1, Ordering::Relaxed);
             let samples = self.intake.take(data);
             if !samples.is_empty() {
-                // Nobody waits in a thread of the sound system.
+                // Never block a thread of the sound system: drop the block if the queue is full.
                 let _ = self.blocks.try_send(samples);
             }
         };
@@ -304,7 +306,7 @@ impl Destination {
 mod tests {
     use super::*;
 
-    /// A microphone whose sound comes from here.
+    /// A microphone that gets its sound from the test.
     fn by_hand() -> (Microphone, SyncSender<Vec<f32>>) {
         let (sender, blocks) = sync_channel(WAITING);
         let microphone = Microphone {

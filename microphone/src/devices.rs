@@ -1,4 +1,4 @@
-//! Which devices there are, and the one that a name means.
+//! Lists the recording devices and finds the one that a name means.
 
 use cpal::{
     Device, Host, HostId, SampleFormat, SupportedStreamConfig,
@@ -7,7 +7,7 @@ use cpal::{
 
 use crate::SAMPLE_RATE_HZ;
 
-/// Why no sound comes.
+/// Why a sound device cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MicrophoneError {
     /// The system lists no device that records.
@@ -16,25 +16,25 @@ pub enum MicrophoneError {
          the system's privacy settings"
     )]
     None,
-    /// No device, or several, have this name.
+    /// No device matches this name, or several do.
     #[error("microphone: expected one of {}, got {name:?}", .names.join(", "))]
     Name {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The names of all recording devices.
         names: Vec<String>,
     },
-    /// The device is there and cannot be used.
+    /// The device exists but cannot be used.
     #[error("microphone: {name} cannot be opened: {reason}")]
     Device {
         /// Name of the device.
         name: String,
-        /// What the system says.
+        /// The system's reason.
         reason: String,
     },
 }
 
-/// Names of the devices that record, the system's own choice first.
+/// The names of the recording devices, the system's default device first.
 pub fn devices() -> Vec<String> {
     let host = usual_host();
     let mut names = names_of(&recorders(&host));
@@ -45,13 +45,13 @@ pub fn devices() -> Vec<String> {
     names
 }
 
-/// The sound system that serves this machine.
+/// The default sound system of this machine.
 pub(crate) fn usual_host() -> Host {
     quieten();
     cpal::default_host()
 }
 
-/// Keeps ALSA's library from writing to standard error about devices that it tries, in this thread.
+/// Keeps ALSA, in this thread, from writing to standard error about the devices that it tries.
 fn quieten() {
     #[cfg(target_os = "linux")]
     let _ = alsa::Output::local_error_handler();
@@ -62,7 +62,8 @@ fn recorders(host: &Host) -> Vec<Device> {
     devices.map_or(Vec::new(), |all| all.filter(is_device).collect())
 }
 
-/// Whether a person would call it a device: ALSA also lists its plugins, such as one that discards all samples.
+/// Whether a person would call this a device. ALSA also lists its plugins, such as one that
+/// discards all samples.
 fn is_device(device: &Device) -> bool {
     let Ok(id) = device.id() else {
         return true;
@@ -85,15 +86,16 @@ pub(crate) fn name_of(device: &Device) -> String {
     description.map_or_else(|_| device.to_string(), |d| d.name().to_owned())
 }
 
-/// The device of that name, of which a part is enough where no other device has it; the system's choice for none. It is
-/// looked for in the sound system `host`, or else in the usual one.
+/// The device called `name`, or the system's default device if there is no name. Part of a name is
+/// enough if no other device has it. Looks in the sound system `host`, or in the usual one if
+/// `None`.
 pub(crate) fn device_named(
     name: Option<&str>,
     host: Option<HostId>,
 ) -> Result<Device, MicrophoneError> {
     let host = match host {
         None => usual_host(),
-        // One that stopped may be back later.
+        // A sound system that has stopped may be back later.
         Some(id) => {
             quieten();
             cpal::host_from_id(id).map_err(|_| MicrophoneError::None)?
@@ -116,7 +118,8 @@ pub(crate) fn device_named(
     }
 }
 
-/// Which of `names` is meant by `name`: the same, or the only one that holds it.
+/// The index of the entry that `name` means: the equal one, or else the only name that contains it,
+/// ignoring case.
 fn place_of(name: &str, names: &[String]) -> Option<usize> {
     if let Some(place) = names.iter().position(|known| known == name) {
         return Some(place);
@@ -128,7 +131,8 @@ fn place_of(name: &str, names: &[String]) -> Option<usize> {
     places.all(|(_, other)| other == first).then_some(place)
 }
 
-/// How a device is asked to record: at our own rate and with one channel where it can, else as it likes best.
+/// The settings to record a device with: our own rate and as few channels as possible, or the
+/// device's default settings if it does not support our rate.
 pub(crate) fn recording_of(device: &Device) -> Result<SupportedStreamConfig, cpal::Error> {
     let ranges = device
         .supported_input_configs()

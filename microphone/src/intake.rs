@@ -1,4 +1,4 @@
-//! What a device records, as mono at 16 kHz.
+//! Converts what a device records to mono at 16 kHz.
 
 use cpal::{FromSample, Sample};
 use rubato::{
@@ -8,9 +8,9 @@ use rubato::{
 
 use crate::SAMPLE_RATE_HZ;
 
-/// Length of the filter, samples of the device; its delay is half of it, 2.7 ms at 48 kHz.
+/// Length of the filter in samples of the device. Its delay is half of that, 2.7 ms at 48 kHz.
 const FILTER: usize = 256;
-/// Parts of a second that are converted at once.
+/// Blocks per second: sound is converted one block at a time.
 const PARTS: u32 = 100;
 
 /// Mixes the channels of a device and converts its rate.
@@ -20,7 +20,7 @@ pub(crate) struct Intake {
     converter: Option<Converter>,
 }
 
-/// From one rate to another, block by block.
+/// Converts from one sample rate to another, block by block.
 pub(crate) struct Converter {
     filter: Async<f32>,
     block: usize,
@@ -28,10 +28,10 @@ pub(crate) struct Converter {
 }
 
 impl Intake {
-    /// Of a device with that many channels at `rate_hz`.
+    /// For a device with this many channels at `rate_hz`.
     ///
     /// # Errors
-    /// The reason, where nothing converts that rate.
+    /// The reason, if that rate cannot be converted.
     pub fn new(channels: usize, rate_hz: u32) -> Result<Intake, String> {
         let converter = match rate_hz {
             SAMPLE_RATE_HZ => None,
@@ -44,7 +44,8 @@ impl Intake {
         })
     }
 
-    /// Samples `[S]` at 16 kHz of those of a device, channels side by side. Numbers that are none are silence.
+    /// Converts a device's samples, with interleaved channels, to mono samples `[S]` at 16 kHz.
+    /// Values that are not finite become silence.
     pub fn take<T: Copy>(&mut self, data: &[T]) -> Vec<f32>
     where
         f32: FromSample<T>,
@@ -69,7 +70,7 @@ impl Intake {
 
 impl Converter {
     /// # Errors
-    /// The reason, where there is no filter for these rates.
+    /// The reason, if there is no filter for these rates.
     pub fn new(from_hz: u32, to_hz: u32) -> Result<Converter, String> {
         let parameters = SincInterpolationParameters::new(FILTER, WindowFunction::BlackmanHarris2);
         let ratio = f64::from(to_hz) / f64::from(from_hz);
@@ -83,7 +84,7 @@ impl Converter {
         })
     }
 
-    /// Takes whole blocks from the front of `mono`.
+    /// Removes whole blocks from the front of `mono` and returns them converted.
     pub fn take(&mut self, mono: &mut Vec<f32>) -> Vec<f32> {
         let mut samples = Vec::new();
         let whole = mono.len() / self.block * self.block;
@@ -113,7 +114,7 @@ mod tests {
         (0..count).map(|n| (0.5 * at(n)) as f32).collect()
     }
 
-    /// Root of the mean square after the first tenth of a second.
+    /// Root mean square after the first tenth of a second.
     fn size(samples: &[f32]) -> f64 {
         let rest = &samples[1600..];
         (rest.iter().map(|x| f64::from(x * x)).sum::<f64>() / rest.len() as f64).sqrt()
@@ -153,7 +154,7 @@ mod tests {
         let mut stereo = Intake::new(2, SAMPLE_RATE_HZ).unwrap();
         assert_eq!(stereo.take(&[0.5f32, -0.5, 1.0, 0.0]), [0.0, 0.5]);
         assert_eq!(stereo.take(&[i16::MAX / 2, i16::MAX / 2]).len(), 1);
-        // Half a frame at the end is dropped by no device; it must not shift what follows.
+        // A frame with a sample that is not finite becomes silence.
         assert_eq!(stereo.take(&[f32::NAN, 1.0]), [0.0]);
     }
 }

@@ -1,4 +1,4 @@
-//! Sound of a microphone: mono, 16 kHz, whatever the device has.
+//! Sound from a microphone: mono at 16 kHz, whatever the device delivers.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -18,5 +18,5 @@ pub use capture::{Block, Microphone};
 pub use devices::{MicrophoneError, devices};
 pub use monitor::Monitor;
 
-/// Samples per second of everything that is read here.
+/// Samples per second of all sound that a microphone or a monitor exchanges with its caller.
 pub const SAMPLE_RATE_HZ: u32 = 16_000;

@@ -1,4 +1,4 @@
-//! Sound that is played later than it came, so that it fits a face which needs time to follow.
+//! Plays sound with a delay, so that it matches a face that needs time to follow.
 
 use std::{
     collections::VecDeque,
@@ -16,36 +16,37 @@ use crate::{
     intake::Converter,
 };
 
-/// Clocks differ: where so much more than the delay waits, seconds, the oldest is dropped.
+/// The most seconds of sound that may wait beyond the delay, because the clocks of two devices
+/// differ. When more waits, the oldest samples are dropped.
 const SURPLUS_S: f64 = 0.2;
 
-/// Blocks of a second that a device is asked to play.
+/// How many blocks a second the device is asked to play.
 const BLOCKS_A_SECOND: u32 = 50;
 
 /// Samples that wait to be played.
 struct Queue {
     samples: VecDeque<f32>,
-    /// What is to wait before anything is heard, samples.
+    /// How many samples must wait before playback starts.
     delay: usize,
     is_playing: bool,
 }
 
-/// The system's usual loudspeakers.
+/// Plays sound, with a delay, through the system's default loudspeakers.
 pub struct Monitor {
     name: String,
     queue: Arc<Mutex<Queue>>,
     converter: Option<Converter>,
     mono: Vec<f32>,
     surplus: usize,
-    // Playing ends where this goes.
+    // Dropping this ends playback.
     _stream: Stream,
 }
 
 impl Monitor {
-    /// Plays what is pushed `delay_s` seconds after it came.
+    /// Opens the loudspeakers. Sound is heard `delay_s` seconds after it was pushed.
     ///
     /// # Errors
-    /// Why nothing can be played.
+    /// If nothing can be played.
     pub fn open(delay_s: f64) -> Result<Monitor, MicrophoneError> {
         let host = usual_host();
         let problem = |name: &str, reason: String| MicrophoneError::Device {
@@ -71,7 +72,7 @@ impl Monitor {
             buffer_size: BufferSize::Fixed((rate_hz / BLOCKS_A_SECOND).max(1)),
             ..config
         };
-        // Systems that only play blocks of their own size are asked again.
+        // Some systems only play blocks of their own size: ask again with the default.
         let stream =
             play(&device, format, short, &queue).or_else(|_| play(&device, format, config, &queue));
         Ok(Monitor {
@@ -92,7 +93,7 @@ impl Monitor {
         &self.name
     }
 
-    /// Plays `samples`, mono, 16 kHz, after what was pushed before.
+    /// Queues `samples`, mono, 16 kHz, to be played after those pushed before.
     pub fn push(&mut self, samples: &[f32]) {
         self.mono.extend_from_slice(samples);
         let samples = match &mut self.converter {
@@ -102,7 +103,7 @@ impl Monitor {
         locked(&self.queue).push(&samples, self.surplus);
     }
 
-    /// Whether something is still to be heard.
+    /// Whether sound is playing. False while it waits for the delay, and once all has been played.
     pub fn is_playing(&self) -> bool {
         locked(&self.queue).is_playing
     }
@@ -119,7 +120,7 @@ impl Queue {
         }
     }
 
-    /// The next sample; silence until the delay is over, and where nothing has come.
+    /// The next sample. Silence until the delay is over, and when no samples are left.
     fn next(&mut self) -> f32 {
         if !self.is_playing {
             return 0.0;
@@ -145,7 +146,7 @@ fn play(
     let stream = match format {
         SampleFormat::F32 => play_as::<f32>(device, config, queue),
         SampleFormat::I32 => play_as::<i32>(device, config, queue),
-        // Of other formats the system makes this one.
+        // For other formats the system converts from this one.
         _ => play_as::<i16>(device, config, queue),
     }?;
     stream.play().map(|()| stream)

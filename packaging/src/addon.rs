@@ -1,4 +1,4 @@
-//! `cargo xtask addon`: the installed extension in headless Blender, whichever version is wanted.
+//! `cargo xtask addon`: tests the installed extension in headless Blender, in any version.
 
 use std::{
     fs,
@@ -18,14 +18,15 @@ use crate::{
 /// Runs the tests of tests/addon on a zip.
 #[derive(Args)]
 pub struct Addon {
-    /// Blender's version as `4.2`; default: the one of tests/addon/requirements.txt. Older and newer
-    /// ones than 5.0 need the Python that they were built for: 3.11, and 3.13 from 5.1 on.
+    /// Blender's version, such as `4.2`; default: the one in tests/addon/requirements.txt. Each
+    /// version needs the Python that it was built for: 3.11 up to 5.0, 3.13 from 5.1 on.
     #[arg(long)]
     blender: Option<String>,
     /// The zip to install; without it one is built.
     #[arg(long)]
     zip: Option<PathBuf>,
-    /// Measure what the extension costs instead, with the optimised library: docs/measured/speed.md.
+    /// Measure the extension's speed instead, with the optimised library, for
+    /// docs/measured/speed.md.
     #[arg(long)]
     bench: bool,
     /// Photograph Blender's window instead, for docs/images/blender.
@@ -55,7 +56,7 @@ impl Addon {
     }
 }
 
-/// A zip with a library that was built for it.
+/// Builds the library and a zip with it.
 pub fn built_zip(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     let library = extension::build_library(steps, release)?;
     let zip = extension::default_zip();
@@ -63,7 +64,7 @@ pub fn built_zip(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     Ok(zip)
 }
 
-/// Prints lines of the tables of docs/measured/speed.md.
+/// Measures, and prints rows for the tables of docs/measured/speed.md.
 fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     apt::ensure(steps, &["flite"])?;
     let mut measure = Command::new(python);
@@ -79,14 +80,15 @@ fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Runs the tests that drive a window, which photograph it, and keeps what the pages show.
+/// Runs the tests that drive and photograph Blender's window. Copies the pictures for the pages
+/// into docs/images/blender.
 fn photograph(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     let blender = chroot::BLENDER.executable(steps)?;
     let blender = blender.context("expected a Blender with a display, which needs Debian")?;
     let folder = machine::target().join("photographs");
     machine::empty(&folder)?;
     let mut test = python::pytest(python, "tests/addon");
-    // One window at a time: beside others it would not be drawn when its picture is taken.
+    // One window at a time: beside others, it would not be drawn yet when its picture is taken.
     test.args(["-k", "test_window", "-n", "0"])
         .env("ANYFACE_EXTENSION", zip)
         .env("ANYFACE_BLENDER", blender)
@@ -100,7 +102,7 @@ fn photograph(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Runs the tests; `blender` is an executable to test as well.
+/// Runs the tests. `blender` is a Blender executable to test as well.
 pub fn check(steps: &mut Steps, python: &Path, zip: &Path, blender: Option<&Path>) -> Result<()> {
     let mut test = python::pytest(python, "tests/addon");
     test.env("ANYFACE_EXTENSION", zip);
@@ -110,7 +112,7 @@ pub fn check(steps: &mut Steps, python: &Path, zip: &Path, blender: Option<&Path
     steps.check("extension in headless Blender", &mut test)
 }
 
-/// Style of all Python files.
+/// Checks the style of all Python files.
 pub fn ruff(steps: &mut Steps) -> Result<()> {
     let mut ruff = Command::new(Venv::Blender.python());
     ruff.args([

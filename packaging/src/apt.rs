@@ -1,4 +1,4 @@
-//! Debian packages, installed where they are missing.
+//! Installs Debian packages that are missing.
 
 use std::process::Command;
 
@@ -22,7 +22,7 @@ pub const BLENDER_LIBRARIES: &[&str] = &[
     "libgl1",
 ];
 
-/// What microphones are compiled against.
+/// Packages that the microphone library is compiled against.
 pub const SOUND: &[&str] = &["libasound2-dev", "pkg-config"];
 
 /// Installs Debian packages that are missing.

@@ -1,4 +1,5 @@
-//! Programs that this Debian has not, or not new enough: those of another one, in a folder of their own.
+//! Installs programs that this Debian lacks, or has in too old a version, from another Debian suite
+//! into a folder of their own.
 
 use std::{path::PathBuf, process::Command};
 
@@ -6,11 +7,11 @@ use anyhow::Result;
 
 use crate::{apt, machine, steps::Steps};
 
-/// A program of another Debian.
+/// A program from another Debian suite.
 pub struct Program {
-    /// What it is called, for people.
+    /// Its name in messages.
     title: &'static str,
-    /// Names an executable of the caller's that is used instead.
+    /// The environment variable in which the caller can name an executable to use instead.
     variable: &'static str,
     suite: &'static str,
     /// Its name in `/usr/bin`.
@@ -18,7 +19,7 @@ pub struct Program {
     packages: &'static [&'static str],
 }
 
-/// Blender that knows extensions, and a display of its own.
+/// A Blender that supports extensions, with a display of its own.
 pub const BLENDER: Program = Program {
     title: "Blender",
     variable: "ANYFACE_BLENDER",
@@ -43,7 +44,7 @@ pub const GODOT: Program = Program {
     packages: &["godot"],
 };
 
-/// Windows' programs on Linux; older ones lack a library that Rust's programs need.
+/// Runs Windows programs on Linux. Older versions lack a library that Rust's programs need.
 pub const WINE: Program = Program {
     title: "Wine",
     variable: "ANYFACE_WINE",
@@ -53,7 +54,7 @@ pub const WINE: Program = Program {
 };
 
 impl Program {
-    /// Its executable, installed where it is missing; none where that is not possible.
+    /// Its executable, installed if missing. `None` if it cannot be installed or does not run here.
     pub fn executable(&self, steps: &mut Steps) -> Result<Option<PathBuf>> {
         if let Some(path) = std::env::var_os(self.variable) {
             return Ok(Some(path.into()));
@@ -72,7 +73,7 @@ impl Program {
         let title = format!("install an executable of {}", self.title);
         steps.run(&title, install.args(self.packages))?;
         let executable = folder.canonicalize()?.join(format!("run-{}", self.name));
-        // It mounts /tmp in its folder, which some containers forbid.
+        // The executable mounts /tmp in its folder, which some containers forbid.
         let trial = Command::new(&executable).arg("--version").output()?;
         if !trial.status.success() {
             let why = String::from_utf8_lossy(&trial.stderr).trim().to_owned();

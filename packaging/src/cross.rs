@@ -1,4 +1,5 @@
-//! Compilers for other systems: rustup's where it has the target, else Debian's with the standard library as sources.
+//! Compiles for other systems: with rustup's compiler if it has the target, else with Debian's
+//! compiler and the sources of the standard library.
 
 use std::{
     path::{Path, PathBuf},
@@ -9,22 +10,22 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{apt, machine, python::Venv, steps::Steps};
 
-/// Debian's compiler, whose name is that of its first users.
+/// Debian's packages of the compiler, named after its first users, the web browsers.
 const DEBIAN: &[&str] = &["rustc-web", "cargo-web", "rust-web-src", "lld"];
-/// What `rust-web-src` puts where that compiler looks.
+/// Where `rust-web-src` puts its sources, and where that compiler looks for them.
 const DEBIAN_SOURCES: &str = "/usr/lib/rustlib/src";
 /// The oldest glibc of the systems that Blender 4.2 runs on (VFX platform 2023).
 pub const GLIBC: (u32, u32) = (2, 28);
 
-/// A system for which this one compiles.
+/// A system to compile for.
 pub struct Target {
-    /// How Rust names it.
+    /// Rust's name for it.
     pub triple: &'static str,
-    /// The parts of the standard library that are built where the compiler has none for it.
+    /// The parts of the standard library to build if the compiler has none for this system.
     pub standard_library: &'static str,
-    /// What links for it here; none where only Zig does.
+    /// The linker for it on this machine. `None` if only Zig can link for it.
     pub linker: Option<&'static str>,
-    /// Debian packages with that linker, and what runs its programs.
+    /// The Debian packages of that linker and of the emulator, if any, for its programs.
     pub packages: &'static [&'static str],
 }
 
@@ -62,7 +63,7 @@ pub const MACOS_X64: Target = Target {
     packages: &[],
 };
 
-/// 64-bit Windows, by the linker of the system that builds.
+/// 64-bit Windows: for Microsoft's linker when built on Windows, else for MinGW's.
 pub const WINDOWS_X64: Target = Target {
     triple: match cfg!(windows) {
         true => "x86_64-pc-windows-msvc",
@@ -74,7 +75,7 @@ pub const WINDOWS_X64: Target = Target {
 };
 
 impl Target {
-    /// Debian packages that are needed here.
+    /// The Debian packages that this machine needs to compile for this system.
     pub fn all_packages(&self) -> Result<Vec<&'static str>> {
         let compiler = match self.is_known()? {
             true => &[][..],
@@ -83,7 +84,8 @@ impl Target {
         Ok([compiler, self.packages].concat())
     }
 
-    /// Cargo's command `task` for this system, in a folder of its own: flags of others would build everything anew.
+    /// Cargo's command `task` for this system. It has a folder of its own, because a change of
+    /// flags would rebuild everything.
     pub fn cargo(&self, steps: &mut Steps, task: &str, flags: &str) -> Result<Command> {
         apt::ensure(steps, &self.all_packages()?)?;
         let mut build = self.command(task, self.triple, flags)?;
@@ -93,14 +95,16 @@ impl Target {
         Ok(build)
     }
 
-    /// Cargo's command that builds for systems of this kind that are years older: Zig links it with their symbols.
+    /// Cargo's command that builds for versions of this system that are years old. Zig links
+    /// against the symbols that they have.
     pub fn cargo_for_old_systems(&self, steps: &mut Steps) -> Result<Command> {
         apt::ensure(steps, &self.all_packages()?)?;
         let python = Venv::Packaging.ensure(steps)?;
         let tools = python.parent().context("venv path")?.to_owned();
         let path = std::env::var_os("PATH").unwrap_or_default();
         let paths = [tools].into_iter().chain(std::env::split_paths(&path));
-        // Rust strips libraries of macOS with a tool of its own, which Debian's lacks and rustup's brings.
+        // Rust strips macOS libraries with a tool of its own, which comes with rustup's compiler
+        // but not with Debian's.
         let path = std::env::join_paths(paths.chain([tools_of_rust()?]))?;
         let target = match self.triple.ends_with("linux-gnu") {
             true => format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1),
@@ -111,19 +115,19 @@ impl Target {
         Ok(build)
     }
 
-    /// The variable by which cargo is told `what`, such as `RUNNER`, of this target alone.
+    /// The environment variable that sets Cargo's `what`, such as `RUNNER`, for this target alone.
     pub fn variable(&self, what: &str) -> String {
         let target = self.triple.to_uppercase().replace('-', "_");
         format!("CARGO_TARGET_{target}_{what}")
     }
 
-    /// Where a profile leaves what was built.
+    /// The folder where Cargo leaves the files of a profile.
     pub fn built(&self, profile: &str) -> PathBuf {
         let folder = if profile == "dev" { "debug" } else { profile };
         self.folder().join(self.triple).join(folder)
     }
 
-    /// Cargo with a compiler that knows this system, or its sources.
+    /// Cargo, with a compiler that has the standard library for this system or its sources.
     fn compiler(&self) -> Result<Command> {
         if self.is_known()? {
             return Ok(Command::new(
@@ -144,7 +148,7 @@ impl Target {
         Ok(cargo)
     }
 
-    /// Cargo's command `task`; `triple` may name a version of glibc too.
+    /// Cargo's command `task`. `triple` may also name a version of glibc.
     fn command(&self, task: &str, triple: &str, flags: &str) -> Result<Command> {
         let separator = if flags.is_empty() { "" } else { "\x1f" };
         let mut build = self.compiler()?;
@@ -162,7 +166,7 @@ impl Target {
         Ok(build)
     }
 
-    /// rustup brings a linker for browsers alone.
+    /// Whether Cargo must be told the linker. rustup comes with one only for browsers.
     fn needs_linker(&self) -> Result<bool> {
         Ok(cfg!(target_os = "linux") && (!self.packages.is_empty() || !self.is_known()?))
     }
@@ -171,7 +175,7 @@ impl Target {
         machine::target().join(format!("for-{}", self.triple))
     }
 
-    /// Whether the compiler that runs this has a standard library for it.
+    /// Whether the current compiler has a standard library for this system.
     fn is_known(&self) -> Result<bool> {
         let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
         let folder = Command::new(rustc)
@@ -183,7 +187,7 @@ impl Target {
     }
 }
 
-/// The folder of the tools that rustup's compiler brings.
+/// The folder of the tools that come with rustup's compiler.
 fn tools_of_rust() -> Result<PathBuf> {
     let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
     let folder = Command::new(rustc)

@@ -1,4 +1,5 @@
-//! The C library as a Debian package, and the proof that it installs and that C finds it.
+//! Packs the C library as a Debian package, and checks that it installs and that C programs find
+//! it.
 
 use std::{
     fs,
@@ -14,7 +15,7 @@ const NAME: &str = "libanyface-dev";
 const PROGRAM: &str = "#include <anyface.h>\n\
      int main(void) { return anyface_abi_version() != ANYFACE_ABI_VERSION; }\n";
 
-/// Packs the libraries of `built` into `out` and returns the package.
+/// Packs the libraries in `built` and returns the path of the package, which lies in `out`.
 pub fn build(steps: &mut Steps, platform: Platform, built: &Path, out: &Path) -> Result<PathBuf> {
     let tree = machine::target().join("debian");
     let package = stage(platform, built, &tree, out)?;
@@ -26,7 +27,7 @@ pub fn build(steps: &mut Steps, platform: Platform, built: &Path, out: &Path) ->
     Ok(package)
 }
 
-/// Lays the files of the package out in `tree`; returns where the package goes.
+/// Lays out the files of the package in `tree`. Returns the path for the package.
 fn stage(platform: Platform, built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
     let version = env!("CARGO_PKG_VERSION");
     machine::empty(tree)?;
@@ -47,7 +48,7 @@ fn stage(platform: Platform, built: &Path, tree: &Path, out: &Path) -> Result<Pa
     Ok(out.join(format!("{NAME}_{version}_{processor}.deb")))
 }
 
-/// All licences in the one file where Debian looks for them.
+/// All licences in one text, because Debian looks for them in one file.
 fn copyright() -> Result<String> {
     let texts = licences::FILES.iter().map(|name| {
         let text = fs::read_to_string(machine::root().join(name));
@@ -79,7 +80,8 @@ fn size_kb(folder: &Path) -> Result<u64> {
     Ok(sum)
 }
 
-/// Installs `package` below a folder of its own with dpkg, compiles a C program against it, runs it.
+/// Installs `package` into a folder of its own with dpkg, compiles a C program against it and runs
+/// it.
 pub fn check(steps: &mut Steps, package: &Path) -> Result<()> {
     let root = machine::target().join("debian-root");
     machine::empty(&root)?;
@@ -99,7 +101,7 @@ fn check_commands(package: &Path, root: &Path) -> Result<Vec<Command>> {
     let source = root.join("version.c");
     fs::write(&source, PROGRAM)?;
     let mut dpkg = Command::new("dpkg");
-    // The folder holds no system: libc6 is the machine's.
+    // The folder holds no system, so dpkg does not find libc6 there; programs use the machine's.
     dpkg.args(["--force-depends", "--force-not-root", "--log=/dev/null"]);
     dpkg.arg(format!("--root={}", root.display()))
         .arg("--install")
@@ -120,7 +122,7 @@ fn check_commands(package: &Path, root: &Path) -> Result<Vec<Command>> {
 mod tests {
     use super::*;
 
-    /// Libraries with the one function that the program calls.
+    /// Builds libraries with only the one function that the program calls.
     fn stand_in(folder: &Path) {
         let stub = "unsigned anyface_abi_version(void) { return 1; }\n";
         fs::write(folder.join("stub.c"), stub).unwrap();

@@ -1,4 +1,4 @@
-//! `cargo xtask demo`: speech to talking heads in a .blend, a picture and a film.
+//! `cargo xtask demo`: turns speech into talking heads in a .blend, a picture and a film.
 
 use std::{
     path::{Path, PathBuf},
@@ -15,14 +15,14 @@ const FPS: u32 = 25;
 const BLEND: &str = "talking_heads.blend";
 const STILL: &str = "talking_heads.png";
 const FILM: &str = "talking_heads.mp4";
-/// For pages, which play no sound.
+/// An animated picture for pages, which play no sound.
 const MOVING: &str = "talking_heads.webp";
-/// Without the link-time optimisation of `release`; the library computes the same.
+/// Skips the link-time optimisation of `release`. The library computes the same results.
 const PROFILE: &str = "demo";
 
-/// Animates three heads and Suzanne with a sentence. On two idle cores the first time takes
-/// about 6 minutes (it builds the library while it installs Blender's Python module; the heads
-/// speak in the .blend after 4), later ones 2, which it renders.
+/// Animates three heads and Suzanne with a sentence. On two idle cores the first run takes about 6
+/// minutes: it builds the library while it installs Blender's Python module, and the heads speak in
+/// the .blend after 4. Later runs take 2 minutes, which they spend on rendering.
 #[derive(Args)]
 pub struct Demo {
     /// The sentence to speak, by flite or espeak-ng.
@@ -128,7 +128,7 @@ impl Demo {
     }
 }
 
-/// Every frame of the scene as a picture, and a still.
+/// Renders every frame of the scene as a picture, and a still.
 fn render(steps: &mut Steps, python: &Path, out: &Path) -> Result<()> {
     let mut command = Command::new(python);
     command.arg(machine::root().join("packaging/demo/render.py"));
@@ -138,7 +138,7 @@ fn render(steps: &mut Steps, python: &Path, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The frames as a film with sound, and as a moving picture without.
+/// Makes a film with sound and an animated picture without from the frames.
 fn film(steps: &mut Steps, audio: &Path, out: &Path) -> Result<()> {
     let frames = out.join("frames/%04d.png");
     let rate = FPS.to_string();

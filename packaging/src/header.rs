@@ -73,7 +73,7 @@ pub struct Header {
 }
 
 impl Header {
-    /// Writes or checks the header.
+    /// Writes or checks the headers.
     pub fn run(&self) -> Result<()> {
         for interface in &INTERFACES {
             let fresh = interface.generate()?;
@@ -95,7 +95,7 @@ impl Interface {
         machine::root().join(self.folder).join("src")
     }
 
-    /// The header, by the crate's `cbindgen.toml`.
+    /// Generates the header with the crate's `cbindgen.toml`.
     ///
     /// # Errors
     /// If the config or a source file cannot be read or parsed.

@@ -1,4 +1,5 @@
-//! The C library as a tree that pkg-config and CMake find: `lib`, `include`, their package files, licences.
+//! Installs the C library as a tree that pkg-config and CMake can use: `lib`, `include`, package
+//! files and licences.
 
 use std::{
     fs,
@@ -11,13 +12,14 @@ use clap::Args;
 
 use crate::{licences, machine, platform::Platform};
 
-/// Version of all crates of the workspace, this one too.
+/// Version of all crates of the workspace, including this one.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What the static library needs from the system, as `rustc --print native-static-libs` names it.
+/// The system libraries that the static library needs, as `rustc --print native-static-libs` lists
+/// them.
 fn system_libraries(platform: Platform) -> &'static [&'static str] {
     match platform {
-        // And gcc_s, which compilers link by themselves, in its static form where that is asked for.
+        // Also gcc_s, but compilers link it by themselves, statically if asked to.
         Platform::LinuxX64 | Platform::LinuxArm64 => &["util", "rt", "pthread", "m", "dl", "c"],
         Platform::MacosArm64 | Platform::MacosX64 => &["iconv", "System", "c", "m"],
         Platform::WindowsX64 => &["kernel32", "ntdll", "userenv", "ws2_32", "dbghelp"],
@@ -36,7 +38,7 @@ pub struct Install {
 }
 
 impl Install {
-    /// Builds where asked, then copies.
+    /// Builds the library unless a folder is given, then copies everything.
     pub fn run(&self) -> Result<()> {
         let built = match &self.library_dir {
             Some(folder) => folder.clone(),
@@ -117,7 +119,8 @@ enum Separator {
     List,
 }
 
-/// The name under which programs look for the shared library: on Linux with the version of its interface.
+/// The name under which programs look for the shared library. On Linux it ends with the version of
+/// the library's interface.
 ///
 /// # Errors
 /// If the header cannot be read or does not state the version.
@@ -133,7 +136,7 @@ fn soname(platform: Platform) -> Result<String> {
     Ok(format!("{library}.{version}"))
 }
 
-/// Where the library has a name of its own, `place` leads to it.
+/// Makes `place` a symbolic link to the library, unless that is the library's own name.
 fn link(soname: &str, place: &Path) -> Result<()> {
     if place.file_name().is_some_and(|name| name == soname) {
         return Ok(());

@@ -1,5 +1,5 @@
-//! The licences that travel with what is handed out, and `cargo xtask licences`, which writes those of
-//! the crates that are linked.
+//! The licences that go into every package, and `cargo xtask licences`, which writes those of the
+//! linked crates.
 
 use std::{fs, path::Path, process::Command};
 
@@ -8,13 +8,14 @@ use clap::Args;
 
 use crate::{machine, steps::Steps, third_party};
 
-/// Files of the repository that lie in every package: our licences, our sources, the crates that are linked.
+/// Files of the repository that go into every package: our licences, the works we used, and the
+/// linked crates.
 pub const FILES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE", THIRD_PARTY];
 
-/// The crates that are linked into the command and the library, with their licences.
+/// The crates linked into the command and the library, with their licences.
 const THIRD_PARTY: &str = "THIRD-PARTY.md";
 
-/// The release whose output THIRD-PARTY.md is.
+/// The version of cargo-about that THIRD-PARTY.md is written with.
 const CARGO_ABOUT: &str = "0.9.3";
 
 /// Copies the licences into `folder`.
@@ -30,12 +31,12 @@ pub fn copy(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes THIRD-PARTY.md from Cargo.lock by cargo-about and packaging/about.toml.
+/// Writes THIRD-PARTY.md from Cargo.lock, with cargo-about and packaging/about.toml.
 #[derive(Args)]
 pub struct Licences {}
 
 impl Licences {
-    /// Fetches the crates of all systems, then collects their licences without network.
+    /// Fetches the crates for all systems, then collects their licences without the network.
     pub fn run(&self) -> Result<()> {
         let version = Command::new("cargo-about").arg("--version").output();
         let version = version.map_or(String::new(), |output| {
@@ -57,7 +58,7 @@ impl Licences {
             "generate",
             "--frozen",
             "--fail",
-            // The command has every feature of the library.
+            // The command enables every feature of the library.
             "--manifest-path",
             "cli/Cargo.toml",
             "--config",

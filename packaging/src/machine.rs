@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 
-/// The repository.
+/// The root folder of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
@@ -21,8 +21,8 @@ pub fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or(root().join("target"), PathBuf::from)
 }
 
-/// Flags of rustc for what is handed out: the crates of others and the sources stand in messages by short names, not by
-/// where they lie on this machine.
+/// The flags of rustc for released files, after the caller's own flags. They make messages name
+/// source files by short paths instead of their paths on this machine.
 pub fn release_flags() -> String {
     let [crates, rust] = ["CARGO_HOME", "RUSTUP_HOME"].map(std::env::var_os);
     let home = std::env::home_dir().unwrap_or_default();
@@ -30,7 +30,7 @@ pub fn release_flags() -> String {
     let rust = rust.map_or(home.join(".rustup"), PathBuf::from);
     let workspace = root().canonicalize().unwrap_or(root());
     let target = std::path::absolute(target()).unwrap_or(target());
-    // rustc takes the last one that fits, so that a folder stands behind those around it.
+    // rustc uses the last prefix that matches, so a folder comes after the folders around it.
     let names = [
         (home, "home"),
         (crates, "crates"),
@@ -39,7 +39,7 @@ pub fn release_flags() -> String {
         (target, "target"),
     ];
     let flags = names.map(|(path, name)| format!("--remap-path-prefix={}={name}", path.display()));
-    // Cargo divides these by the unit separator, so that paths may hold spaces.
+    // Cargo separates these with the unit separator, so that paths may contain spaces.
     let flags_of_caller = std::env::var("CARGO_ENCODED_RUSTFLAGS").ok();
     let plain = || {
         std::env::var("RUSTFLAGS")
@@ -56,21 +56,21 @@ pub fn release_flags() -> String {
         .join("\x1f")
 }
 
-/// Says which folder of this machine a file names, if any.
+/// The first folder of this machine whose path a file contains, if any.
 pub fn named_folder(file: &Path) -> Result<Option<PathBuf>> {
     let bytes = fs::read(file).with_context(|| format!("reading {}", file.display()))?;
     let crates = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let folders = [std::env::home_dir(), crates, root().canonicalize().ok()];
     let mut folders = folders.into_iter().flatten();
     Ok(folders.find(|folder| {
-        // Short ones such as `/` stand in every file.
+        // Short paths such as `/` occur in every file.
         let name = folder.as_os_str().as_encoded_bytes();
         let name = [name, b"/"].concat();
         name.len() > 3 && bytes.windows(name.len()).any(|window| window == name)
     }))
 }
 
-/// Fails where a file names a folder of this machine.
+/// Fails if a file contains the path of a folder of this machine.
 pub fn check_names_no_folder(file: &Path) -> Result<()> {
     match named_folder(file)? {
         None => Ok(()),
@@ -88,7 +88,7 @@ pub fn shared() -> Option<PathBuf> {
     folder.join("data").is_dir().then_some(folder)
 }
 
-/// Says so where the disk has less room than a first run takes, which otherwise ends in the middle.
+/// Prints a note if the disk has less room than a first run takes: the run may then fail midway.
 pub fn note_room(gigabytes: u64) {
     let free = fs4::available_space(root()).unwrap_or(u64::MAX) / 1_000_000_000;
     if free < gigabytes {
@@ -102,7 +102,7 @@ pub fn has(program: &str) -> bool {
         .any(|folder| folder.join(program).is_file())
 }
 
-/// A folder with nothing in it.
+/// Creates a folder, or empties it if it exists.
 pub fn empty(folder: &Path) -> Result<()> {
     if folder.exists() {
         fs::remove_dir_all(folder)?;
@@ -110,7 +110,7 @@ pub fn empty(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
 }
 
-/// Whether this process may install packages by itself.
+/// Whether this process is root, so that it may install packages by itself.
 pub fn is_root() -> bool {
     Command::new("id")
         .arg("-u")
@@ -122,7 +122,7 @@ pub fn is_root() -> bool {
 mod tests {
     use super::*;
 
-    /// What a compiler builds under the flags names no folder; without them it does.
+    /// A program built with the flags names no folder of this machine; one built without them does.
     #[test]
     fn what_is_handed_out_names_no_folder_of_this_machine() {
         let workspace = root().canonicalize().unwrap();

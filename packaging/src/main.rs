@@ -41,31 +41,31 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// The installed extension in headless Blender, any version.
+    /// Tests the installed extension in headless Blender, in any version.
     Addon(addon::Addon),
-    /// A talking head in a .blend, a contact sheet and a film, from nothing.
+    /// Makes talking heads from nothing: a .blend, a picture and a film.
     Demo(demo::Demo),
-    /// What makes the numbers and pictures of the documents, and which are older than the models.
+    /// Lists how the numbers and pictures in the documents are made, and which are out of date.
     Docs(docs::Docs),
-    /// The Blender extension as a zip.
+    /// Builds the Blender extension as a zip.
     Extension(extension::Extension),
-    /// include/anyface.h from the C interface's sources.
+    /// Writes the headers in include from the sources of the C interfaces.
     Header(header::Header),
-    /// The C library below a prefix, for pkg-config and CMake.
+    /// Installs the C library under a prefix, for pkg-config and CMake.
     Install(install::Install),
-    /// THIRD-PARTY.md, the licences of the linked crates, by cargo-about.
+    /// Writes THIRD-PARTY.md, the licences of the linked crates, with cargo-about.
     Licences(licences::Licences),
-    /// What is handed out for this system: zip, wheel, C library, Debian package.
+    /// Builds everything that is released for one system: zip, wheel, C library, Debian package.
     Package(package::Package),
-    /// What the tests install: Python environments, and Blender as a program.
+    /// Installs what the tests need: Python environments, and Blender and Godot as programs.
     Prepare(prepare::Prepare),
-    /// All that is handed out as a folder for any host of files.
+    /// Collects everything that is released in a folder for any file host.
     Site(site::Site),
-    /// Lints and all tests; installs what they need.
+    /// Runs lints and all tests; installs what they need.
     Test(test::Test),
-    /// The library as WebAssembly, its npm package, and the page that makes heads talk.
+    /// Builds the library as WebAssembly, its npm package, and the page that makes heads talk.
     Web(web::Web),
-    /// The Python package as a wheel.
+    /// Builds the Python package as a wheel.
     Wheel(wheel::Wheel),
 }
 

@@ -1,4 +1,4 @@
-//! `cargo xtask package`: everything that is handed out for one system, in one folder.
+//! `cargo xtask package`: builds everything that is released for one system, in one folder.
 
 use std::{
     fs,
@@ -22,10 +22,10 @@ pub struct Package {
     /// x86_64-apple-darwin, x86_64-pc-windows-gnu; default: this one.
     #[arg(long, value_parser = Platform::of_words)]
     target: Option<Platform>,
-    /// Profile of Cargo.toml: `demo` compiles sooner than `release`, with the same results.
+    /// Profile of Cargo.toml: `demo` compiles faster than `release`, with the same results.
     #[arg(long, default_value = "release")]
     profile: String,
-    /// Folder of built libraries to take; without it they are built, for Linux with glibc 2.28.
+    /// Folder of built libraries to use; without it they are built, for Linux against glibc 2.28.
     #[arg(long)]
     library_dir: Option<PathBuf>,
     /// Where the packages go; default `target/package`.
@@ -69,7 +69,8 @@ impl Package {
     }
 }
 
-/// Packs what is in zips anew, a hundredth smaller than Python does. Where the program for it is missing they stay.
+/// Compresses zips again, which makes them 1 % smaller than Python does. Leaves them as they are if
+/// advzip is missing.
 fn pack_tighter(steps: &mut Steps, zips: &[&Path]) -> Result<()> {
     apt::ensure(steps, &["advancecomp"])?;
     if !machine::has("advzip") {
@@ -77,7 +78,7 @@ fn pack_tighter(steps: &mut Steps, zips: &[&Path]) -> Result<()> {
         return Ok(());
     }
     let mut pack = Command::new("advzip");
-    // 7-Zip's coder: Zopfli takes three times as long and saves nothing more.
+    // Use 7-Zip's compressor: Zopfli takes three times as long and saves nothing more.
     pack.args(["--recompress", "-3", "--quiet"]).args(zips);
     steps.run("pack the zip and the wheel tighter", &mut pack)?;
     Ok(())
@@ -88,7 +89,7 @@ fn stage(platform: Platform, built: &Path, tree: &Path) -> Result<()> {
     machine::empty(tree)?;
     install::install(platform, built, tree)?;
     let command = built.join(platform.command());
-    // A folder of libraries alone is enough for whoever has no use for the command.
+    // The command is optional: a folder with only the libraries is enough.
     if command.is_file() {
         fs::create_dir_all(tree.join("bin"))?;
         fs::copy(command, tree.join("bin").join(platform.command()))?;
@@ -96,7 +97,7 @@ fn stage(platform: Platform, built: &Path, tree: &Path) -> Result<()> {
     licences::copy(tree)
 }
 
-/// Packs the command, the C library and what belongs to them.
+/// Packs the command, the C library and their other files as a tarball.
 fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> Result<PathBuf> {
     let name = format!("anyface-{}-{}", env!("CARGO_PKG_VERSION"), platform.name());
     let folder = machine::target().join("tarball");

@@ -16,14 +16,14 @@ pub enum Platform {
     LinuxArm64,
     /// macOS on Apple's processors.
     MacosArm64,
-    /// macOS on Intel's.
+    /// macOS on Intel's processors.
     MacosX64,
     /// Windows on x86-64.
     WindowsX64,
 }
 
 impl Platform {
-    /// All of them.
+    /// All platforms.
     pub const ALL: [Platform; 5] = [
         Platform::LinuxX64,
         Platform::LinuxArm64,
@@ -32,7 +32,7 @@ impl Platform {
         Platform::WindowsX64,
     ];
 
-    /// That of this machine.
+    /// The platform of this machine.
     pub fn here() -> Result<Self> {
         let here = (std::env::consts::OS, std::env::consts::ARCH);
         let (system, processor) = here;
@@ -42,10 +42,10 @@ impl Platform {
         platform.with_context(|| format!("expected {}, got {system} on {processor}", Self::names()))
     }
 
-    /// That of a target as Rust names it, such as `aarch64-apple-darwin`.
+    /// The platform of a target as Rust names it, such as `aarch64-apple-darwin`.
     ///
     /// # Errors
-    /// A text that names all targets.
+    /// If no platform has that target. The message lists all known targets.
     pub fn of_triple(triple: &str) -> Result<Self> {
         let mut all = Self::ALL.into_iter();
         all.find(|platform| platform.target().triple == triple)
@@ -57,15 +57,15 @@ impl Platform {
             })
     }
 
-    /// The same for words of a command line.
+    /// Does the same as `of_triple`, for arguments of a command line.
     ///
     /// # Errors
-    /// That text.
+    /// The message of the error.
     pub fn of_words(triple: &str) -> Result<Self, String> {
         Self::of_triple(triple).map_err(|error| error.to_string())
     }
 
-    /// That of a shared library, by what stands in it.
+    /// The platform of a shared library, found from the contents of the file.
     ///
     /// # Errors
     /// If the file cannot be read, or is for another system.
@@ -88,7 +88,7 @@ impl Platform {
         Ok(platform)
     }
 
-    /// The word in the extension's manifest, which is Blender's, and in file names.
+    /// Blender's name for it, which the extension's manifest and file names use.
     pub fn name(self) -> &'static str {
         match self {
             Platform::LinuxX64 => "linux-x64",
@@ -99,7 +99,8 @@ impl Platform {
         }
     }
 
-    /// How tags of wheels for it begin and end: `manylinux_2_28_x86_64`.
+    /// How the platform tag of its wheels begins and ends: `manylinux` and `x86_64` for
+    /// `manylinux_2_28_x86_64`.
     pub fn wheel_tag(self) -> (&'static str, &'static str) {
         match self {
             Platform::LinuxX64 => ("manylinux", "x86_64"),
@@ -110,7 +111,7 @@ impl Platform {
         }
     }
 
-    /// How Rust's compiler gets there.
+    /// How Rust compiles for it.
     pub fn target(self) -> &'static Target {
         match self {
             Platform::LinuxX64 => &cross::LINUX_X64,
@@ -121,7 +122,7 @@ impl Platform {
         }
     }
 
-    /// Whether it is a Linux.
+    /// Whether it is Linux.
     pub fn is_linux(self) -> bool {
         matches!(self, Platform::LinuxX64 | Platform::LinuxArm64)
     }
@@ -135,7 +136,7 @@ impl Platform {
         }
     }
 
-    /// How cargo names the library of the microphone.
+    /// How cargo names the microphone library.
     pub fn microphone_library(self) -> &'static str {
         match self {
             Platform::LinuxX64 | Platform::LinuxArm64 => "libanyface_microphone.so",

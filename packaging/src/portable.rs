@@ -1,5 +1,5 @@
-//! Libraries and the command as they are handed out: for this system or another, and for older ones than that which
-//! builds them.
+//! Builds the libraries and the command for release: for this system or another, and for older
+//! versions than the system that builds them.
 
 use std::{
     fs,
@@ -11,10 +11,12 @@ use anyhow::Result;
 
 use crate::{apt, machine, platform::Platform, steps::Steps, symbols};
 
-/// Builds both C libraries, that of the microphone and the command; returns their folder.
+/// Builds the C library (shared and static), the microphone library and the command. Returns their
+/// folder.
 ///
-/// Where the sound system's headers for the other system are missing here, the third library is left out. The command
-/// listens to a microphone on Windows and macOS alone: on Linux it would not start where there is no sound system.
+/// The microphone library is left out if this machine lacks the sound headers of the other system.
+/// The command listens to a microphone only on Windows and macOS: on Linux it would not start
+/// without a sound system.
 pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<PathBuf> {
     let has_sound = platform == Platform::here()? || platform == Platform::WindowsX64;
     if has_sound && platform.is_linux() {
@@ -23,7 +25,8 @@ pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Pat
         let name = platform.name();
         println!("note     no sound system of {name} is here: built without microphone");
     }
-    // One command each: cargo joins the features of what it builds together, and the library has fewer.
+    // Build the command separately: cargo merges the features of packages that it builds together,
+    // and the library uses fewer.
     let mut libraries = cargo(steps, platform, profile)?;
     libraries.args(["-p", "anyface-capi"]);
     if has_sound {
@@ -47,7 +50,7 @@ pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Pat
     Ok(built)
 }
 
-/// Cargo's command for what is handed out.
+/// Cargo's build command for a release.
 fn cargo(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Command> {
     let target = platform.target();
     let is_zigs = cfg!(target_os = "linux") && platform != Platform::WindowsX64;
@@ -59,7 +62,8 @@ fn cargo(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Command
     Ok(build)
 }
 
-/// The import library under the name that Microsoft's tools give it; their linker and GNU's read it.
+/// Writes the import library, named as Microsoft's tools do. Their linker and GNU's can both read
+/// it.
 fn import_library(steps: &mut Steps, built: &Path) -> Result<()> {
     let names = symbols::exported(&built.join("anyface.dll"))?;
     let definitions = built.join("anyface.def");

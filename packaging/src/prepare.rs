@@ -1,4 +1,5 @@
-//! `cargo xtask prepare`: what the tests install, so that it can be fetched while cargo compiles.
+//! `cargo xtask prepare`: installs what the tests need, so that it can be fetched while cargo
+//! compiles.
 
 use std::process::Command;
 
@@ -14,13 +15,13 @@ use crate::{
 /// Installs the Python environments of the tests, and Blender and Godot as programs.
 #[derive(Args)]
 pub struct Prepare {
-    /// The extension is tested in this version of Blender, such as 4.2, instead of the usual one.
+    /// Also install this version of Blender, such as 4.2, to test the extension in.
     #[arg(long)]
     blender: Option<String>,
 }
 
 impl Prepare {
-    /// Runs it.
+    /// Installs everything.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("prepare")?;
         apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
@@ -34,8 +35,8 @@ impl Prepare {
     }
 }
 
-/// Starts `cargo xtask prepare` beside the steps that follow. None of them may call apt-get, of which only one runs at
-/// a time.
+/// Starts `cargo xtask prepare` alongside the steps that follow. None of these may call apt-get,
+/// because only one apt-get can run at a time.
 pub fn start(steps: &mut Steps, blender: Option<&str>) -> Result<Started> {
     let mut prepare = Command::new(std::env::current_exe()?);
     prepare.arg("prepare");

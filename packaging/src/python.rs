@@ -1,4 +1,4 @@
-//! Python environments under `target/venvs`, made where they are missing, each with the interpreter
+//! Python environments under `target/venvs`, created if they are missing. Each has the interpreter
 //! that its packages were built for.
 
 use std::{
@@ -15,10 +15,11 @@ use crate::{
     steps::Steps,
 };
 
-/// Python without an environment.
+/// The Python on the PATH, outside of any environment.
 pub const PYTHON: &str = if cfg!(windows) { "python" } else { "python3" };
 
-/// The minor versions of Python 3 that Blender's modules are built for: 4.2 to 5.0, from 5.1 on.
+/// The minor versions of Python 3 that Blender's modules are built for: first for Blender 4.2 to
+/// 5.0, then for 5.1 and later.
 const OF_BLENDER: [u32; 2] = [11, 13];
 
 /// A Python environment of the project.
@@ -26,11 +27,11 @@ const OF_BLENDER: [u32; 2] = [11, 13];
 pub enum Venv {
     /// Blender as a module, pytest and ruff.
     Blender,
-    /// PyTorch and what training needs.
+    /// PyTorch and what else training needs.
     Training,
-    /// A linker for older systems.
+    /// Zig, which links for older systems.
     Packaging,
-    /// Dask, and what reads the jobs that are exported to engines of farms.
+    /// Dask, and packages that read the jobs exported to render farms.
     Farm,
 }
 
@@ -74,7 +75,7 @@ impl Venv {
     }
 }
 
-/// A Python with Blender as a module: the usual one, or one of another `version` such as "4.2".
+/// A Python with Blender as a module, in the usual version or in another `version` such as "4.2".
 pub fn blender(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
     let Some(version) = version else {
         return Venv::Blender.ensure(steps);
@@ -106,7 +107,7 @@ fn folder(name: &str) -> Result<PathBuf> {
     Ok(folder.to_owned())
 }
 
-/// Whether an environment has what the lines `wanted` ask for.
+/// Whether an environment was installed from exactly these lines of `packages`.
 fn is_current(name: &str, packages: &str) -> bool {
     let Ok(folder) = folder(name) else {
         return false;
@@ -114,10 +115,10 @@ fn is_current(name: &str, packages: &str) -> bool {
     std::fs::read_to_string(folder.join("installed.txt")).is_ok_and(|text| text == packages)
 }
 
-/// Creates or refreshes an environment of the interpreter `from`; `wanted` are pip's lines.
+/// Creates or refreshes an environment with the interpreter `from`. `packages` are lines for pip.
 fn environment(steps: &mut Steps, from: &str, name: &str, packages: &str) -> Result<PathBuf> {
     let (python, folder) = (interpreter(name), folder(name)?);
-    // Debian's python3 comes without it.
+    // Debian's python3 comes without ensurepip.
     let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
     if !complete.is_ok_and(|out| out.status.success()) {
         apt::ensure(steps, &["python3-venv"])?;
@@ -140,12 +141,12 @@ fn environment(steps: &mut Steps, from: &str, name: &str, packages: &str) -> Res
     Ok(python)
 }
 
-/// An interpreter for which there is a Blender module: `python3` itself where it fits.
+/// An interpreter for which there is a Blender module: `python3` itself if its version fits.
 fn any_of_blender() -> Result<String> {
     first_of(&OF_BLENDER)
 }
 
-/// The first interpreter on the PATH that is Python 3 of one of the minor versions `minors`.
+/// The first interpreter on the PATH that is Python 3 in one of the minor versions `minors`.
 fn first_of(minors: &[u32]) -> Result<String> {
     let usual = minor_of(PYTHON);
     if usual.is_some_and(|minor| minors.contains(&minor)) {
@@ -168,7 +169,7 @@ fn first_of(minors: &[u32]) -> Result<String> {
     )
 }
 
-/// The second number of the version of an interpreter; None where it does not run.
+/// The minor version of an interpreter. `None` if it does not run.
 fn minor_of(name: impl AsRef<OsStr>) -> Option<u32> {
     let ask = "import sys; print(sys.version_info.minor)";
     let output = Command::new(name).args(["-c", ask]).output().ok()?;
@@ -186,22 +187,23 @@ fn python_for(version: &str) -> Result<u32> {
     Ok(OF_BLENDER[usize::from(numbers >= (5, 1))])
 }
 
-/// pip's lines with another version of bpy.
+/// The lines for pip, with another version of bpy.
 fn of_version(lines: &str, version: &str) -> String {
     let others = lines.lines().filter(|line| !line.starts_with("bpy=="));
     let others: String = others.map(|line| format!("{line}\n")).collect();
     format!("bpy=={version}.*\n{others}")
 }
 
-/// pytest on one folder, with the data for it; a process for each of up to four cores, each with files of its own.
+/// Runs pytest on one folder, with the shared data. Uses one process per core, at most four; the
+/// tests of a file all run in the same process.
 pub fn pytest(python: &Path, folder: &str) -> Command {
     let mut command = Command::new(python);
     command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
     let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get().min(4));
     command.args(["--dist", "loadfile", "-n", &processes.to_string()]);
-    // Files of tests that passed would fill the disk.
+    // Delete the files of tests that passed: they would fill the disk.
     command.args(["-o", "tmp_path_retention_policy=failed"]);
-    // Otherwise each process of NumPy and PyTorch takes all cores.
+    // Otherwise NumPy and PyTorch use all cores in each process.
     command.env("OMP_NUM_THREADS", "1");
     command.current_dir(machine::root());
     if let Some(shared) = machine::shared() {

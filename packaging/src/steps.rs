@@ -1,6 +1,6 @@
-//! A list of commands with one line each: name, result, time; the output goes to a log, and to
-//! the terminal when the command fails. While one runs, its last line of output is shown: at all
-//! times on a terminal, every half minute elsewhere.
+//! Runs commands and prints one line for each: result, name, time. The output goes to a log. If a
+//! command fails, the end of its output also goes to the terminal. While a command runs, its last
+//! line of output is shown: continuously on a terminal, every half minute elsewhere.
 
 use std::{
     fs::File,
@@ -25,7 +25,7 @@ pub struct Steps {
     failures: Vec<String>,
 }
 
-/// A command that runs beside the steps that follow, with a log of its own; dropped, it is ended.
+/// A command that runs alongside the next steps and has its own log. Dropping it kills the command.
 pub struct Started {
     name: String,
     began: Instant,
@@ -85,7 +85,7 @@ impl Steps {
         Ok(output)
     }
 
-    /// Starts a command that must succeed in the end: [`Steps::join`] waits for it.
+    /// Starts a command in the background. [`Steps::join`] waits for it and fails if it failed.
     pub fn start(&mut self, name: &str, command: &mut Command) -> Result<Started> {
         let end = format!("{}.log", name.replace(' ', "-"));
         let log_path = self.log_path.with_extension(end);
@@ -116,7 +116,7 @@ impl Steps {
         clock(self.started.elapsed())
     }
 
-    /// Runs a check: a failure is remembered, and the other checks still run.
+    /// Runs a check. If it fails, the failure is remembered and the other checks still run.
     pub fn check(&mut self, name: &str, command: &mut Command) -> Result<()> {
         let (ok, output) = self.execute(name, command)?;
         let counts = Counts::read(&output);
@@ -128,13 +128,13 @@ impl Steps {
         Ok(())
     }
 
-    /// Says that something could not run here.
+    /// Reports that something could not run here.
     pub fn ignore(&mut self, name: &str, why: &str) {
         self.counts.ignored += 1;
         println!("ignored  {name}: {why}");
     }
 
-    /// The closing lines; an error if a check failed.
+    /// Prints the closing lines. Returns an error if a check failed.
     pub fn finish(self) -> Result<()> {
         let Counts {
             passed,
@@ -214,7 +214,8 @@ fn report(name: &str, status: ExitStatus, began: Instant) {
     println!("{word:8} {name} ({})", clock(began.elapsed()));
 }
 
-/// Waits for a command and shows its last line of output meanwhile, which begins at `begun` in `log`.
+/// Waits for a command and meanwhile shows its last line of output. The output starts at byte
+/// `begun` of `log`.
 fn watch(name: &str, child: &mut Child, log: &Path, begun: u64) -> Result<ExitStatus> {
     let (began, mut said) = (Instant::now(), Instant::now());
     let spinner = ProgressBar::new_spinner().with_prefix(name.to_owned());
@@ -240,10 +241,10 @@ fn watch(name: &str, child: &mut Child, log: &Path, begun: u64) -> Result<ExitSt
     }
 }
 
-/// The last line that is in a log from byte `begun` on; empty where it cannot be read.
+/// The last line of a log from byte `begun` on. Empty if there is none or the log cannot be read.
 fn last_line(log: &Path, begun: u64) -> String {
     let mut end = Vec::new();
-    // A handle of its own: moving the one that the command writes through would move the command.
+    // Opens its own handle: seeking in the shared one would change where the command writes.
     if let Ok(mut file) = File::open(log) {
         let size = file.metadata().map_or(0, |data| data.len());
         let _ = file.seek(SeekFrom::Start(size.saturating_sub(1024).max(begun)));

@@ -1,4 +1,5 @@
-//! What a shared library shows and needs: the functions of the header, and nothing that a plain system lacks.
+//! Checks that a shared library exports the functions of the header and needs nothing that a plain
+//! system lacks.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -14,7 +15,8 @@ use crate::{cross::GLIBC, machine, platform::Platform};
 /// Major and minor number.
 pub type Version = (u32, u32);
 
-/// What every system of a kind has: names of libraries as a library lists them, or how they begin.
+/// The libraries that every such system has: the names that a library lists, or the beginnings of
+/// names.
 fn libraries_of_systems(platform: Platform) -> &'static [&'static str] {
     match platform {
         Platform::LinuxX64 | Platform::LinuxArm64 => &[
@@ -45,10 +47,11 @@ fn libraries_of_systems(platform: Platform) -> &'static [&'static str] {
     }
 }
 
-/// Checks the main library: the functions of include/anyface.h, on systems that need nothing else.
+/// Checks that the main library exports the functions of include/anyface.h and loads on a plain
+/// system.
 ///
 /// # Errors
-/// Names what is missing, or what is too much.
+/// Names the missing functions, or what the library needs that a plain system may lack.
 pub fn check(platform: Platform, library: &Path) -> Result<()> {
     let bytes = read(library)?;
     let file = parse(library, &bytes)?;
@@ -95,23 +98,24 @@ pub fn check(platform: Platform, library: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The functions of `library` that others may call, in order.
+/// The functions of ours that `library` exports, sorted by name.
 ///
 /// # Errors
-/// If the file is no library.
+/// If the file is not a library.
 pub fn exported(library: &Path) -> Result<Vec<String>> {
     exports(&parse(library, &read(library)?)?)
 }
 
-/// The oldest glibc that has all symbols which `library` needs.
+/// The oldest glibc that has every symbol that `library` needs.
 ///
 /// # Errors
-/// If the file is no library, or names no version.
+/// If the file cannot be read or names no version of glibc.
 pub fn needed_glibc(library: &Path) -> Result<Version> {
     glibc_of(library, &read(library)?)
 }
 
-/// The same of a library that is read already: names of versions stand as texts in it.
+/// Like `needed_glibc`, for a library in memory. The file contains the names of the versions as
+/// text.
 fn glibc_of(library: &Path, bytes: &[u8]) -> Result<Version> {
     newest_glibc(&String::from_utf8_lossy(bytes))
         .with_context(|| format!("{}: expected symbols of glibc, got none", library.display()))
@@ -138,7 +142,7 @@ fn exports(file: &object::File) -> Result<Vec<String>> {
             .into_iter()
             .map(|export| {
                 let name = String::from_utf8_lossy(export.name()).into_owned();
-                // macOS puts a line before the names of C.
+                // macOS puts an underscore before the names of C functions.
                 name.strip_prefix('_').map_or(name.clone(), str::to_owned)
             })
             .collect(),
@@ -148,7 +152,7 @@ fn exports(file: &object::File) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Names of libraries without which this one does not load.
+/// Names of the libraries that this one needs to load.
 fn needed(file: &object::File, bytes: &[u8]) -> Result<Vec<String>> {
     Ok(match file {
         object::File::Elf64(elf) => {
@@ -191,7 +195,7 @@ fn needed(file: &object::File, bytes: &[u8]) -> Result<Vec<String>> {
     })
 }
 
-/// Load commands of a library for macOS by their numbers, with the name of the library that they load.
+/// The numbers of a macOS library's load commands, each with the library that it names, if any.
 fn load_commands(bytes: &[u8]) -> Result<Vec<(u32, Option<String>)>> {
     let file = MachOFile64::<Endianness>::parse(bytes)?;
     let endian = file.endian();
@@ -210,7 +214,8 @@ fn load_commands(bytes: &[u8]) -> Result<Vec<(u32, Option<String>)>> {
     Ok(entries)
 }
 
-/// Apple's processors load nothing that is not signed, if only by the linker.
+/// Checks the signature: Apple's processors load nothing unsigned, though the linker's signature is
+/// enough.
 fn check_signature(library: &Path, bytes: &[u8]) -> Result<()> {
     let commands = load_commands(bytes)?;
     let is_signed = commands
@@ -224,7 +229,7 @@ fn check_signature(library: &Path, bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The functions of the C interface.
+/// The functions that include/anyface.h declares.
 fn functions_of_header() -> Result<Vec<String>> {
     let text = fs::read_to_string(machine::root().join("include/anyface.h"))?;
     let code: String = text
@@ -279,7 +284,7 @@ mod tests {
         }
     }
 
-    /// A library of two functions that needs the C library alone.
+    /// Builds a library with two functions that needs only the C library.
     #[test]
     #[cfg(target_os = "linux")]
     fn what_a_library_lacks_is_named() {

@@ -1,4 +1,5 @@
-//! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, the Python wheel, training.
+//! `cargo xtask test`: lints, Rust tests, C hosts, the installed extension, the Python wheel,
+//! training.
 
 use std::process::Command;
 
@@ -14,8 +15,9 @@ use crate::{
     web, wheel,
 };
 
-/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system, C#, an engine of farms
-/// and the networks of its hosts.
+/// Debian packages that the tests use: C compilers and build tools, a memory checker, speech
+/// synthesisers, a video encoder, a sound system, C#, the scheduler of a render farm and the
+/// network tools for its hosts.
 const TOOLS: &[&str] = &[
     "gcc",
     "g++",
@@ -35,7 +37,8 @@ const TOOLS: &[&str] = &[
     "iproute2",
 ];
 
-/// Debian packages that the page's tests call, and under which names systems have what is in them.
+/// Debian packages that the page's tests use, each with the names that its program has on various
+/// systems. A package is not installed if the machine already has one of these programs.
 const PAGE_TOOLS: [(&str, &[&str]); 3] = [
     ("nodejs", &["node"]),
     ("npm", &["npm"]),
@@ -45,8 +48,8 @@ const PAGE_TOOLS: [(&str, &[&str]); 3] = [
     ),
 ];
 
-/// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
-/// installed, Blender 3, Godot 1.
+/// Gigabytes of disk that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and
+/// another 3 during its installation, Blender 3, Godot 1.
 const ROOM: u64 = 21;
 
 /// Runs all tests; about an hour from a clean checkout on two cores, half of that when built.
@@ -58,14 +61,14 @@ pub struct Test {
     /// Test the extension in this version of Blender, such as 4.2, instead of the usual one.
     #[arg(long)]
     blender: Option<String>,
-    /// Try what another system gets, as Rust names it, instead: x86_64-pc-windows-gnu under Wine,
-    /// aarch64-unknown-linux-gnu under QEMU.
+    /// Instead, test what another system gets. Name the system as Rust does: x86_64-pc-windows-gnu
+    /// runs under Wine, aarch64-unknown-linux-gnu under QEMU.
     #[arg(long, value_parser = Platform::of_words)]
     target: Option<Platform>,
 }
 
 impl Test {
-    /// Runs every check, prints the counts, fails if one failed.
+    /// Runs every check, prints the counts and fails if a check failed.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         if let Some(platform) = self.target {

@@ -1,7 +1,9 @@
-//! The text of THIRD-PARTY.md, from what cargo-about found: a table of crates, and each licence once.
+//! Makes the text of THIRD-PARTY.md from the output of cargo-about: a table of crates, and each
+//! licence once.
 //!
-//! Files of the same licence differ in their line breaks, their copyright lines and in what follows the terms
-//! of Apache-2.0. What is the same in all of them is written once, below a list of the copyright lines.
+//! Files of the same licence differ in their line breaks, in their copyright lines and in the text
+//! after the terms of Apache-2.0. The text that they share is written once, below a list of the
+//! copyright lines.
 
 use std::{
     cmp::Reverse,
@@ -11,13 +13,13 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-/// The holder in a licence that no crate has filled in.
+/// The placeholder for the copyright holder in a licence that nobody has filled in.
 const NOBODY: &str = "<year> <copyright holders>";
 
-/// What encloses a text.
+/// The Markdown fence around a licence text.
 const FENCE: &str = "```";
 
-/// The page, from its template and the JSON of cargo-about.
+/// Fills the page's template with the JSON of cargo-about.
 ///
 /// # Errors
 /// If the JSON lacks a field, or a licence has no holder.
@@ -54,27 +56,27 @@ fn row(package: &Value, licence: &str) -> Result<String> {
     Ok(format!("| {name} | {version} | {licence} | {repository} |"))
 }
 
-/// Ours come from a folder.
+/// Whether others wrote the crate. Our own crates come from a folder and have no source.
 fn is_of_others(package: &Value) -> bool {
     package["source"].is_string()
 }
 
-/// What all crates with the same terms have in common, and who holds the copyright of which.
+/// The text that all crates with the same terms share, and who holds the copyright of which crate.
 #[derive(Default)]
 struct Terms {
     text: String,
-    /// Copyright lines, and the crates whose files have them.
+    /// The copyright lines, each with the crates whose files contain it.
     holders: BTreeMap<String, BTreeSet<Release>>,
 }
 
 impl Terms {
-    /// How many crates have them.
+    /// The number of crates with these terms.
     fn count(&self) -> usize {
         self.holders.values().map(BTreeSet::len).sum()
     }
 }
 
-/// All licences, of those with the same name the most frequent first.
+/// All licences by name. Among texts of the same name, the most frequent comes first.
 fn licences(list_of_crates: &Value) -> Result<String> {
     let mut all: BTreeMap<(String, String), Terms> = BTreeMap::new();
     for licence in list(list_of_crates, "licenses")? {
@@ -125,10 +127,10 @@ fn section(name: &str, terms: &Terms) -> String {
     section + &format!("\n{FENCE}text\n{}\n{FENCE}\n", terms.text)
 }
 
-/// Whom the manifest names, for a crate whose package has no file with its licence.
+/// The authors that the manifest names, for a crate whose package has no licence file.
 fn authors(package: &Value) -> Result<String> {
     let names = list(package, "authors")?.iter().filter_map(Value::as_str);
-    // Some have left their address empty.
+    // Some authors have left their address empty.
     let names: Vec<&str> = names.map(|name| name.trim_end_matches(" <>")).collect();
     Ok(match names.is_empty() {
         true => format!("the authors of {}", text(package, "name")?),
@@ -136,8 +138,8 @@ fn authors(package: &Value) -> Result<String> {
     })
 }
 
-/// What stands in a licence file: copyright lines with the terms that they are about. An exception to
-/// Apache-2.0 comes by itself.
+/// Splits a licence file into pairs of copyright lines and the terms that they belong to. Text
+/// after Apache-2.0, such as an exception, becomes a pair of its own.
 fn parts(text: &str) -> Vec<(String, String)> {
     let text = text.replace('\r', "");
     let Some((terms, form, rest)) = around_form(&text) else {
@@ -152,7 +154,7 @@ fn parts(text: &str) -> Vec<(String, String)> {
     parts
 }
 
-/// Copyright lines, and the terms without them and without a title.
+/// The copyright lines, and the terms without these lines and without the title.
 fn without_title(text: &str) -> (String, String) {
     let mut paragraphs: Vec<&str> = paragraphs(text).collect();
     if paragraphs.first().is_some_and(|first| is_title(first)) {
@@ -165,7 +167,7 @@ fn without_title(text: &str) -> (String, String) {
     (holders.replace(";;", ";"), paragraphs.join("\n\n"))
 }
 
-/// Parts between empty lines, each with its indentation.
+/// The paragraphs between empty lines, each with its indentation.
 fn paragraphs(text: &str) -> impl Iterator<Item = &str> {
     let parts = text.split("\n\n").map(|part| part.trim_matches('\n'));
     parts
@@ -173,10 +175,10 @@ fn paragraphs(text: &str) -> impl Iterator<Item = &str> {
         .filter(|part| !part.trim().is_empty())
 }
 
-/// The terms of Apache-2.0, the form of a notice that follows them, and what stands after it.
+/// The terms of Apache-2.0, the form for a notice after them, and the rest of the text.
 fn around_form(text: &str) -> Option<(&str, &str, &str)> {
     const TERMS_END: &str = "END OF TERMS AND CONDITIONS";
-    // The notice itself, or where somebody has left it out what is said before it.
+    // The end of the notice itself, or of the advice before it if somebody has left the notice out.
     const FORM_ENDS: [&str; 2] = ["limitations under the License.", "third-party archives."];
     let terms_end = text.find(TERMS_END)? + TERMS_END.len();
     let (terms, rest) = text.split_at(terms_end);
@@ -206,7 +208,7 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Terms with the same key are the same but for line breaks.
+/// Terms have the same key if they differ only in white space or in http and https.
 fn key(terms: &str) -> String {
     one_line(terms).replace("https://", "http://")
 }

@@ -1,4 +1,5 @@
-//! `cargo xtask web`: the library as WebAssembly, its npm package, and a page that makes heads talk.
+//! `cargo xtask web`: the library as WebAssembly, its npm package, and a page that makes heads
+//! talk.
 
 use std::{
     fs,
@@ -11,7 +12,7 @@ use clap::Args;
 
 use crate::{cross::Target, machine, steps::Steps};
 
-/// Browsers.
+/// The target for browsers.
 const BROWSERS: Target = Target {
     triple: "wasm32-unknown-unknown",
     standard_library: "std,panic_abort",
@@ -19,13 +20,14 @@ const BROWSERS: Target = Target {
     packages: &[],
 };
 const PROFILE: &str = "web";
-/// What shows the head, and what makes one file of it.
+/// npm packages: one shows the head, the other bundles it into a single file.
 const PACKAGES: [(&str, &str); 2] = [("three", "0.187.0"), ("esbuild", "0.25.12")];
-/// Packs a file as every browser unpacks it.
+/// A Node.js script that compresses a file with gzip, which every browser can unpack.
 const PACK: &str = "const [from, to] = process.argv.slice(1), fs = require('fs'); \
     fs.writeFileSync(to, require('zlib').gzipSync(fs.readFileSync(from), {level: 9}));";
 
-/// Writes target/web, which any server of files can serve, and in it the npm package in `anyface`.
+/// Writes target/web, which any static file server can serve. Its folder `anyface` is the npm
+/// package.
 #[derive(Args)]
 pub struct Web {
     /// Also write the npm package as an archive.
@@ -34,7 +36,7 @@ pub struct Web {
 }
 
 impl Web {
-    /// Builds and assembles it.
+    /// Builds the library and assembles the folder.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("web")?;
         let folder = build(&mut steps)?;
@@ -48,18 +50,18 @@ impl Web {
     }
 }
 
-/// What is missing here to build it, if anything.
+/// The first program that the build needs and this machine lacks, if any.
 pub fn missing() -> Option<&'static str> {
     let programs = ["node", "npm"];
     programs.into_iter().find(|program| !machine::has(program))
 }
 
-/// Debian packages that building it takes here.
+/// Debian packages that the build needs on this machine.
 pub fn packages() -> Result<Vec<&'static str>> {
     BROWSERS.all_packages()
 }
 
-/// Builds all of it; the folder that a host serves.
+/// Builds the library, the npm package and the page. Returns the folder to serve.
 pub fn build(steps: &mut Steps) -> Result<PathBuf> {
     if let Some(program) = missing() {
         bail!("expected {program} (Node.js), which fetches three.js and packs files; found none");
@@ -82,7 +84,7 @@ pub fn build(steps: &mut Steps) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// The library for one thread with SIMD.
+/// Builds the library for a single thread with SIMD.
 fn library(steps: &mut Steps) -> Result<PathBuf> {
     let mut build = BROWSERS.cargo(steps, "build", "-Ctarget-feature=+simd128")?;
     build.args(["-p", "anyface-web", "--lib", "--profile", PROFILE]);
@@ -90,7 +92,8 @@ fn library(steps: &mut Steps) -> Result<PathBuf> {
     Ok(BROWSERS.built(PROFILE).join("anyface_web.wasm"))
 }
 
-/// The program that writes the JavaScript beside the library, of the very version that the library has; built once.
+/// The program that generates the JavaScript for the library, in exactly the version that the
+/// library uses. It is built only once.
 fn wasm_bindgen(steps: &mut Steps) -> Result<PathBuf> {
     let lock = fs::read_to_string(machine::root().join("Cargo.lock"))?;
     let version = version_in(&lock, "wasm-bindgen").context("Cargo.lock: no wasm-bindgen")?;
@@ -118,7 +121,7 @@ fn version_in<'a>(lock: &'a str, name: &str) -> Option<&'a str> {
     after.split_once('"').map(|(version, _)| version)
 }
 
-/// Models, types and description beside the library in the npm package.
+/// Compresses the library and adds the models, types, licences and description to the npm package.
 fn finish_package(steps: &mut Steps, package: &Path) -> Result<()> {
     let root = machine::root();
     let wasm = package.join("anyface_web_bg.wasm");
@@ -143,7 +146,7 @@ fn finish_package(steps: &mut Steps, package: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The page, its sample sentence and the default head.
+/// Copies the page, its sample sentence and the default head.
 fn page(folder: &Path) -> Result<()> {
     let root = machine::root();
     copy_files(&root.join("web/page"), folder)?;
@@ -156,7 +159,7 @@ fn page(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the page needs of three.js as one file.
+/// Bundles what the page needs of three.js into one file.
 fn three(steps: &mut Steps, folder: &Path) -> Result<()> {
     let packages = machine::target().join("web-npm");
     fs::create_dir_all(&packages)?;
@@ -192,7 +195,7 @@ fn npm() -> Command {
     Command::new(if cfg!(windows) { "npm.cmd" } else { "npm" })
 }
 
-/// Copies the files of a folder, without those below.
+/// Copies the files of a folder, without its subfolders.
 fn copy_files(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to)?;
     for entry in fs::read_dir(from)? {

@@ -1,4 +1,4 @@
-//! `cargo xtask wheel`: Python's package with the native library, for any Python 3 of one system.
+//! `cargo xtask wheel`: the Python package with the native library, for any Python 3 on one system.
 
 use std::{
     fs,
@@ -18,8 +18,8 @@ use crate::{
     symbols,
 };
 
-/// Four systems with their weights, 23 MB, and a library that may be built for tests; PyPI
-/// takes up to 100 MB.
+/// The largest wheel: the weights of four systems take 23 MB, and the library may be a test build.
+/// PyPI accepts up to 100 MB.
 const LARGEST_MB: f64 = 40.0;
 
 /// Builds the wheel `anyface-<version>-py3-none-<platform>.whl`.
@@ -37,7 +37,7 @@ pub struct Wheel {
 }
 
 impl Wheel {
-    /// Runs it.
+    /// Builds the wheel and prints its path.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("wheel")?;
         let library = match &self.library {
@@ -68,7 +68,7 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     pack.args(["--tag", &tag(platform, &inside)?]);
     pack.arg("--out").arg(out);
     let output = steps.run("pack the wheel", &mut pack)?;
-    // The last line is the path; a log's heading stands before it.
+    // The last line is the path. The log's heading comes before it.
     let path = PathBuf::from(output.lines().last().unwrap_or_default());
     let size_mb = fs::metadata(&path)
         .with_context(|| format!("expected a wheel, got {output:?}"))?
@@ -82,8 +82,8 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// The systems on which `libraries` run, as pip names them: on Linux those with a glibc that has all
-/// symbols which they need (PEP 600).
+/// The systems on which `libraries` run, as pip names them. On Linux, the tag names the oldest
+/// glibc that has every symbol they need (PEP 600).
 fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
     let (system, processor) = platform.wheel_tag();
     Ok(match platform {
@@ -93,14 +93,14 @@ fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
             let (major, minor) = needed.into_iter().max().context("expected a library")?;
             format!("{system}_{major}_{minor}_{processor}")
         }
-        // The oldest ones that Rust builds for.
+        // The oldest versions of macOS that Rust builds for.
         Platform::MacosArm64 => format!("{system}_11_0_{processor}"),
         Platform::MacosX64 => format!("{system}_10_12_{processor}"),
         Platform::WindowsX64 => format!("{system}_{processor}"),
     })
 }
 
-/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it; returns its path.
+/// Builds a wheel with `library`, runs the tests of tests/wheel on it and returns its path.
 pub fn check(steps: &mut Steps, library: &Path) -> Result<PathBuf> {
     let wheel = build(steps, library, &machine::target().join("wheel"))?;
     let mut tests = python::pytest(&Venv::Blender.python(), "tests/wheel");

@@ -1,5 +1,5 @@
 //! Measures the stages of one face: landmark search, skin with its proxy, plate weights, frame
-//! product, writing; and of the sound: speech encoder and denoiser.
+//! product and writing. Measures the stages of the sound too: speech encoder and denoiser.
 //!
 //! `cargo bench -p anyface --bench face`
 
@@ -21,7 +21,7 @@ use anyface::{
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 
-/// The default head, its triangles cut in four `times` times.
+/// The default head. Each of its triangles is cut in four, `times` times over.
 fn head(times: usize) -> Mesh {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
     let mut mesh = Mesh::read(folder.join("head.obj")).expect("the default head");

@@ -1,7 +1,7 @@
-//! Per-mesh work on a head of 26,719 vertices where the data is there, else on a sphere of 10,242.
+//! Measures per-mesh work on a head of 26,719 vertices, or on a sphere of 10,242 without its data.
 //!
 //! `cargo bench -p anyface --bench operators`
-// The macro of criterion makes a function without documentation.
+// The macro of criterion makes a public function without documentation.
 #![allow(missing_docs)]
 
 use std::{hint::black_box, path::PathBuf, time::Duration};

@@ -1,10 +1,10 @@
-//! The code that per-mesh work depends on, and its name. The build script writes the
-//! name into the library, a test of the library holds what changes it.
+//! Lists the code that per-mesh work depends on, and hashes it. The build script writes the hash
+//! into the library. A test checks which changes alter it.
 
 use std::{fs, io, path::Path};
 
-/// Files, and folders with all that is in them. Speech is none of them: a change there
-/// leaves what is kept of a user's meshes as it was.
+/// Folders with everything in them. Speech is not among them: a change there leaves the cached
+/// meshes of a user valid.
 pub const SOURCES: [&str; 8] = [
     "src/cache",
     "src/face",
@@ -19,7 +19,7 @@ pub const SOURCES: [&str; 8] = [
 /// The blake3 hash, in hexadecimal, of the names and contents of [`SOURCES`] under `root`.
 ///
 /// # Errors
-/// If one of them cannot be read, or is not there.
+/// If one of them cannot be read or is missing.
 pub fn digest(root: &Path) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     for source in SOURCES {
@@ -29,7 +29,7 @@ pub fn digest(root: &Path) -> io::Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// Adds what stands at `path`, under the name `name`; pieces are hashed with their lengths.
+/// Hashes the file or folder at `path` under the name `name`. Each piece is hashed with its length.
 fn add(path: &Path, name: &str, hasher: &mut blake3::Hasher) -> io::Result<()> {
     if path.is_dir() {
         let mut entries: Vec<_> = fs::read_dir(path)?.collect::<io::Result<_>>()?;

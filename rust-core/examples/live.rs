@@ -1,4 +1,4 @@
-//! Landmark motion while a sound goes on: `cargo run --release --example live -- VOICE.wav`.
+//! Landmark motion from a stream of sound: `cargo run --release --example live -- VOICE.wav`.
 
 use std::path::Path;
 

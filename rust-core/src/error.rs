@@ -1,4 +1,4 @@
-//! What can go wrong, by kind: the kind decides the exit code and the C status.
+//! The kinds of errors. The kind decides the exit code and the C status.
 
 use std::path::PathBuf;
 
@@ -27,13 +27,13 @@ pub enum Error {
     /// A mesh that cannot be read or used.
     #[error("mesh: {0}")]
     Mesh(String),
-    /// No face was found on the mesh; says why and what would help.
+    /// No face was found on the mesh. The message says why and what would help.
     #[error("no face found: {0}")]
     FaceNotFound(String),
     /// Weights that are missing, truncated or do not fit their config.
     #[error("weights: {0}")]
     Weights(String),
-    /// A numerical method that did not converge.
+    /// A numerical method that did not converge, or a result that is not finite.
     #[error("numerics: {0}")]
     Numerics(String),
     /// A file that could not be read or written.
@@ -41,13 +41,13 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error from the operating system.
         source: std::io::Error,
     },
     /// The caller's progress callback asked to stop.
     #[error("cancelled")]
     Cancelled,
-    /// A result that does not fit into memory.
+    /// A job or a result that does not fit into memory.
     #[error("out of memory: {0}")]
     OutOfMemory(String),
 }
@@ -59,7 +59,7 @@ impl Error {
         move |source| Error::Io { path, source }
     }
 
-    /// Exit code of the command for this kind of error (2 is clap's own, for usage).
+    /// Exit code of the command for this kind of error. clap uses 2 for usage errors.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::InvalidInput(_) | Error::ShapeMismatch { .. } => 3,
@@ -70,7 +70,7 @@ impl Error {
             Error::Io { .. } => 8,
             Error::Cancelled => 9,
             Error::Numerics(_) => 10,
-            // 11 and 12 are the add-on's own.
+            // The add-on uses 11 and 12 for its own errors.
             Error::OutOfMemory(_) => 13,
         }
     }

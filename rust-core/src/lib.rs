@@ -1,11 +1,11 @@
 //! Anyface makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
 //!
-//! Nouns carry the data, and the modules stand in the order in which they meet it:
+//! The data passes through these types, in this order:
 //!
 //! [`audio::Waveform`] → [`speech::Heard`] → [`motion::Motion`] (of a [`systems::System`]) → spread
 //! over a [`Face`] ([`spread`]) → a file ([`output`]), a C buffer or shape keys.
 //!
-//! [`Engine`] runs the whole way:
+//! [`Engine`] runs all these steps:
 //!
 //! ```
 //! use std::path::Path;

@@ -1,4 +1,5 @@
-//! Who calls the C interface: a function that no program of ours needs is one that nobody has tried.
+//! Checks that our programs call every function of the C interface. Nobody has tried one that none
+//! of them needs.
 
 use std::{
     collections::BTreeSet,
@@ -7,7 +8,7 @@ use std::{
 
 use anyface_tests::native::root;
 
-/// Functions of the header, in its order.
+/// The functions of the header, in its order.
 fn functions() -> Vec<String> {
     let header = without_comments(&read(&root().join("include/anyface.h")));
     let called = header.match_indices('(').map(|(at, _)| &header[..at]);
@@ -24,7 +25,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// C without what stands behind `//` and between `/*` and `*/`.
+/// C code without the comments after `//` and between `/*` and `*/`.
 fn without_comments(text: &str) -> String {
     let mut code = String::new();
     for (number, part) in text.split("/*").enumerate() {
@@ -38,7 +39,7 @@ fn without_comments(text: &str) -> String {
     lines.flatten().collect::<Vec<_>>().join("\n")
 }
 
-/// Files with these endings in a folder and the folders in it.
+/// The files with these endings in a folder and its subfolders.
 fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).expect("the folder is there") {
@@ -55,7 +56,8 @@ fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
     paths
 }
 
-/// What Python calls: names as attributes or as texts. The table of signatures calls nothing.
+/// The functions that Python code names as attributes or strings. The table of signatures does not
+/// count, since it calls nothing.
 fn python_calls(text: &str) -> BTreeSet<String> {
     let table = text
         .split_once("\nSIGNATURES = {")
@@ -81,7 +83,8 @@ fn every_function_is_called_by_the_extension_the_wheel_or_an_example() {
     }
     let functions = functions();
     assert!(functions.len() > 100, "{functions:?}");
-    // The extension frees what it makes by the noun of its name.
+    // The extension builds the name of a `free` function from its noun. The function counts as
+    // called if another function of the same noun is.
     let is_made = |noun: &str| names.iter().any(|name| name.starts_with(noun));
     let is_called =
         |name: &String| names.contains(name) || name.strip_suffix("free").is_some_and(is_made);

@@ -1,4 +1,4 @@
-//! The examples of `capi/examples`: they are what a reader copies, so they run.
+//! Runs the examples of `capi/examples`, since readers copy them.
 
 use std::{path::Path, process::Command};
 
@@ -119,7 +119,7 @@ fn the_cpp_example_can_be_cancelled() {
     scene(&folder);
     let program = compile(TALK_CPP, Linkage::Shared, &folder);
     let mut command = in_folder(&program, &folder);
-    // A minute of voice takes longer than the first look at the clock.
+    // With a minute of voice, the job is still running when the program first looks at the clock.
     anyface_tests::scene::Scene::write(&folder, 60.0).expect("the scene can be written");
     let output = run(
         command.args(["head.obj", "voice.wav", "landmarks.json", "0"]),
@@ -141,7 +141,7 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         let table = std::fs::read_to_string(folder.join("out.csv")).expect("the table is there");
         let rows: Vec<&str> = table.lines().collect();
         assert!(rows[0].contains("BrowInnerUp") && (18..=21).contains(&rows.len()));
-        // The command's own words.
+        // An event in the notation of the command line.
         let mut words = in_folder(&program, &folder);
         let output = succeed(words.args(["voice.wav", "out.csv", "0.2-0.5:left wink:0.8"]));
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -159,7 +159,8 @@ fn the_live_example_follows_raw_sound() {
     let folder = workspace("live_c");
     scene(&folder);
     let program = compile(LIVE_C, Linkage::Shared, &folder);
-    // Behind its header a WAV of these tests is what comes from a microphone.
+    // After its header, a WAV file of these tests holds the raw samples that a microphone would
+    // deliver.
     let wav = std::fs::read(folder.join("voice.wav")).expect("the scene has a voice");
     std::fs::write(folder.join("voice.raw"), &wav[44..]).expect("the folder can be written");
     let sound = std::fs::File::open(folder.join("voice.raw")).expect("it was written");
@@ -241,7 +242,7 @@ fn the_example_of_takes_hears_once_and_streams_the_frames() {
     run(wrong.args(["head.obj", "voice.wav", "9", "1.0"]), 4);
 }
 
-/// The program in `docs/c-host.md` compiles as it stands there.
+/// The program in `docs/c-host.md` compiles exactly as printed.
 #[test]
 fn the_page_for_hosts_compiles() {
     let page = std::fs::read_to_string(root().join("docs/c-host.md")).expect("the page is there");
@@ -259,7 +260,7 @@ fn the_page_for_hosts_compiles() {
     succeed(&mut in_folder(&program, &folder));
 }
 
-/// No leak and no wrong access, from the first call to the last free.
+/// There is no leak and no invalid access from the first call to the last free.
 #[test]
 #[cfg_attr(not(has_valgrind), ignore = "needs valgrind")]
 fn the_c_example_is_clean_under_valgrind() {

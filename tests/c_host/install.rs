@@ -1,4 +1,4 @@
-//! An installed library, found the way a host's build finds it.
+//! Installs the library and finds it the way a host's build does.
 
 use std::{
     path::{Path, PathBuf},
@@ -9,7 +9,8 @@ use anyface_tests::native::{command, library_dir, profile_dir, root, run, succee
 
 use crate::workspace;
 
-/// Installs into a folder, moves the tree, and returns its new place: nothing may point back.
+/// Installs into a folder, moves it and returns the new path, so that a reference to the old one
+/// fails.
 fn installed(folder: &Path) -> PathBuf {
     let (first, moved) = (folder.join("first"), folder.join("moved"));
     let mut command = Command::new(profile_dir().join("xtask"));
@@ -23,7 +24,7 @@ fn installed(folder: &Path) -> PathBuf {
     moved
 }
 
-/// A program of one line that needs header and library.
+/// Writes a program of one line that needs the header and the library.
 fn write_program(folder: &Path) {
     let source = "#include <anyface.h>\n\
                   int main(void) { return anyface_abi_version() != ANYFACE_ABI_VERSION; }\n";
@@ -112,7 +113,7 @@ fn a_program_looks_for_the_interface_that_it_was_linked_to() {
     let mut started = command(folder.join("version"));
     started.env("LD_LIBRARY_PATH", &lib);
     succeed(&mut started);
-    // Another interface has another name, and none is taken for it.
+    // Another version of the interface has another file name, and the program must not load it.
     let target = std::fs::read_link(lib.join("libanyface.so")).expect("a link");
     std::fs::rename(lib.join(&target), lib.join("libanyface.so.99")).expect("it can be moved");
     assert!(!started.output().expect("it starts").status.success());

@@ -1,4 +1,4 @@
-//! Every promise of the header, tried from C.
+//! Tests every promise of the header from C.
 
 use std::{path::Path, process::Command};
 
@@ -6,7 +6,7 @@ use anyface_tests::native::{Linkage, command, compile, library_dir, succeed};
 
 use crate::{scene, workspace};
 
-/// Runs one of the C test programs of this folder.
+/// Runs one of the C test programs of this folder, linked to the shared and to the static library.
 fn run_both_ways(source: &str, arguments: impl Fn(&Path) -> Vec<String>) {
     for linkage in [Linkage::Shared, Linkage::Static] {
         let stem = source.rsplit('/').next().unwrap_or(source);

@@ -1,5 +1,5 @@
-//! What the tests of foreign hosts share: a small head and a voice made from formulas, and the
-//! way from C sources to a program that runs.
+//! Shared code of the tests of foreign hosts: makes a small head and a voice from formulas, and
+//! builds and runs programs from C sources.
 
 pub mod native;
 pub mod scene;

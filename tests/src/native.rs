@@ -8,10 +8,10 @@ use std::{
     sync::OnceLock,
 };
 
-/// What a program needs besides the static library, on Linux with glibc.
+/// Libraries that a program needs besides the static library, on Linux with glibc.
 const SYSTEM_LIBRARIES: &[&str] = &["-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"];
 
-/// The workspace.
+/// Root folder of the workspace.
 pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
@@ -27,9 +27,9 @@ pub enum Linkage {
 
 /// Folder that holds `libanyface.so` and `libanyface.a`.
 ///
-/// `ANYFACE_LIBRARY_DIR` names one, to test a library built elsewhere. Otherwise cargo builds them
-/// once for this process, with the profile and the features of the running tests, so that
-/// nothing else is compiled anew.
+/// `ANYFACE_LIBRARY_DIR` may name the folder of a library built elsewhere, to test that one.
+/// Otherwise cargo builds both libraries once for this process, with the profile and the features
+/// of the running tests, so that nothing else is recompiled.
 pub fn library_dir() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| match env::var_os("ANYFACE_LIBRARY_DIR") {
@@ -43,8 +43,8 @@ pub fn library_dir() -> &'static Path {
     })
 }
 
-/// Links to a shared library in `folder` by the version of its interface, under which programs look for it and which
-/// cargo does not name it by.
+/// Makes a link in `folder` to a shared library, named by the version of its interface. Programs
+/// look for the library under this name, but cargo does not give it.
 pub fn name_by_interface(library: &Path, folder: &Path) {
     let header = std::fs::read_to_string(root().join("include/anyface.h")).expect("the header");
     let mut lines = header.lines();
@@ -53,14 +53,14 @@ pub fn name_by_interface(library: &Path, folder: &Path) {
         "libanyface.so.{}",
         version.expect("the header states its version")
     );
-    // Other processes of tests may do the same.
+    // Another test process may have made the link already.
     #[cfg(unix)]
     if std::os::unix::fs::symlink(library, folder.join(&name)).is_err() {
         assert!(folder.join(&name).exists(), "{name} cannot be made");
     }
 }
 
-/// `target/debug` or the like: tests run in its folder `deps`.
+/// The folder of the build profile, such as `target/debug`. Tests run in its folder `deps`.
 pub fn profile_dir() -> PathBuf {
     let test = env::current_exe().expect("the test knows its own path");
     let folder = test
@@ -93,10 +93,10 @@ fn build() {
     succeed(command.current_dir(root()));
 }
 
-/// Compiles one source against the library, warnings being errors; returns the program.
+/// Compiles one source against the library, with warnings as errors, and returns the program.
 ///
-/// `source`: path within the workspace, or absolute; its ending decides between C11 and C++17. The program is
-/// named after source and linkage in `folder`.
+/// `source`: path within the workspace, or absolute; its ending decides between C11 and C++17. The
+/// program lies in `folder` and is named after source and linkage.
 pub fn compile(source: &str, linkage: Linkage, folder: &Path) -> PathBuf {
     std::fs::create_dir_all(folder).expect("the folder for programs can be written");
     let name = Path::new(source).file_name().expect("a source has a name");
@@ -145,15 +145,15 @@ fn link_arguments(linkage: Linkage) -> Vec<OsString> {
     }
 }
 
-/// A command that finds libraries by its own means alone: cargo's search path for tests leads to
-/// the library of this build, whichever was linked.
+/// A command that has to find libraries by itself. It does not inherit cargo's search path for
+/// tests, which leads to the library of this build, whichever one was linked.
 pub fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     command.env_remove("LD_LIBRARY_PATH");
     command
 }
 
-/// Runs a command that must end with 0.
+/// Runs a command that must end with exit code 0.
 pub fn succeed(command: &mut Command) -> Output {
     run(command, 0)
 }
@@ -161,7 +161,7 @@ pub fn succeed(command: &mut Command) -> Output {
 /// Runs a command that must end with this exit code.
 ///
 /// # Panics
-/// If it cannot start or ends otherwise; the message holds what it printed.
+/// If the command cannot start or ends with another exit code. The message holds what it printed.
 pub fn run(command: &mut Command, expected: i32) -> Output {
     let output = command
         .output()

@@ -15,8 +15,9 @@ const STEP_M: f32 = 0.006;
 const MOUTH_Y_M: f32 = -0.0595;
 /// Half the length of the slit between the lips.
 const MOUTH_HALF_WIDTH_M: f32 = 0.0225;
-/// The head in the files is in centimetres and stands somewhere else.
+/// The head in the files is in centimetres.
 const UNITS_PER_M: f32 = 100.0;
+/// Where the canonical origin lies in the files, centimetres.
 const PLACE: [f32; 3] = [3.0, 150.0, -2.0];
 
 /// Files of a scene.
@@ -53,7 +54,7 @@ fn to_file(p: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|axis| p[axis] * UNITS_PER_M + PLACE[axis])
 }
 
-/// A grid over the face, as deep as the landmarks say, slit between the lips; metres.
+/// A grid over the face with the depth of the landmarks and a slit between the lips, metres.
 pub fn mask() -> Mesh {
     let half_columns = (0.084 / STEP_M) as i32;
     let (down, up) = (9, 23);
@@ -65,7 +66,7 @@ pub fn mask() -> Mesh {
             mesh.positions.push([x, y, depth(x, y)]);
         }
     }
-    // The upper lip has vertices of its own along the slit.
+    // The upper lip has its own vertices along the slit.
     let slit = down as u32 * columns;
     let mut upper_lip: Vec<u32> = (slit..slit + columns).collect();
     for number in &mut upper_lip {
@@ -89,7 +90,7 @@ pub fn mask() -> Mesh {
     mesh
 }
 
-/// Between the landmarks by inverse distance.
+/// Depth of the face at a point, interpolated between the landmarks by inverse distance.
 fn depth(x: f32, y: f32) -> f32 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for [lx, ly, lz] in canonical_landmarks() {
@@ -175,7 +176,7 @@ mod tests {
     #[test]
     fn the_lips_are_apart_and_the_corners_are_not() {
         let report = mask().report();
-        // The outer border and the slit.
+        // The two holes are the outer border and the slit.
         assert_eq!((report.parts, report.holes), (1, 2));
     }
 

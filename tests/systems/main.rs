@@ -1,8 +1,10 @@
-//! A system is a file or folder and its lines of the registry: without them the rest compiles, and with
-//! another one the command and the C interface know it, nothing else being changed.
+//! Checks that a system consists only of its file or folder and its lines in the registry. Without
+//! them the rest compiles. A new system appears in the command and the C interface without any
+//! other change.
 //!
-//! Both tests work in a copy of the tree; the libraries that it uses are those of this build. The library
-//! with the toy system stays in the build's folder, where the tests of the extension find it.
+//! Both tests work in a copy of the tree, which shares the compiled dependencies of this build. The
+//! library with the toy system stays in the build's folder, where the tests of the extension find
+//! it.
 
 use std::{
     env, fs,
@@ -18,10 +20,11 @@ use anyface_tests::{
 
 const REGISTRY: &str = "rust-core/src/systems/mod.rs";
 
-/// A copy of the crates that users get, in a folder of the build: a workspace with the crates in a folder below it.
+/// A copy of the crates that users get, in a folder of the build: a workspace with the crates in a
+/// folder below it.
 ///
-/// Cargo names a build by where the crate stands in its workspace. In the same place as ours, each build would
-/// overwrite the other, and both would be compiled again.
+/// Cargo names the files of a build after the place of the crate in its workspace. In the same
+/// place as ours, the two builds would overwrite each other, and both would be compiled again.
 struct Tree {
     workspace: PathBuf,
     crates: PathBuf,
@@ -77,7 +80,7 @@ impl Tree {
             .current_dir(&self.workspace)
             .args(arguments)
             .arg("--offline")
-            // To optimise the library takes minutes, and the toy moves one small mesh.
+            // Optimising the library takes minutes, and the toy moves only one small mesh.
             .args(["--config", "profile.dev.package.anyface.opt-level=0"]);
         let build = profile_dir();
         succeed(command.arg("--target-dir").arg(build.parent().unwrap()));
@@ -131,7 +134,7 @@ fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
         "&freetalk::REGISTRATION",
         "&freetalk::REGISTRATION, &toy::REGISTRATION",
     );
-    // Under names of their own, so that they do not take the place of this build's.
+    // Rename the library and the command, so that they do not replace those of this build.
     tree.edit(
         "capi/Cargo.toml",
         "name = \"anyface\"\n",
@@ -179,7 +182,7 @@ fn largest(clip: &Path, scene: &Scene) -> f32 {
     rows.map(|d| d.dot(&d)).fold(0.0f32, f32::max).sqrt()
 }
 
-/// The same as a program in C says it that knows the system by its name alone.
+/// The same length from a C program that knows nothing of the system but its name.
 fn through_c(folder: &Path, scene: &Scene) -> f32 {
     let program = folder.join("toy");
     let libraries = profile_dir();
@@ -194,7 +197,7 @@ fn through_c(folder: &Path, scene: &Scene) -> f32 {
         .arg(&program);
     compiler.arg("-L").arg(&libraries).arg("-lanyface_toy");
     succeed(&mut compiler);
-    // In a folder of its own: this build's library has the same interface.
+    // Make the link in a separate folder: this build's library has the same interface version.
     name_by_interface(&libraries.join("libanyface_toy.so"), folder);
     let mut command = Command::new(program);
     command.env("LD_LIBRARY_PATH", folder);

@@ -16,7 +16,7 @@ use crate::{
     speaker::{Speaker, Spoken},
 };
 
-/// Motion of a whole sound, which moves any face.
+/// Motion of a whole sound, which can move any face.
 #[wasm_bindgen]
 pub struct Clip {
     frames: Vec<Spoken>,
@@ -62,7 +62,7 @@ impl Clip {
         Ok(landmarks)
     }
 
-    /// How the head turns.
+    /// How the head turns in all frames.
     pub(crate) fn life(&self) -> Life {
         let mut life = Life::still(self.frames.len());
         for (mut to, frame) in life.head.outer_iter_mut().zip(&self.frames) {
@@ -97,7 +97,8 @@ impl Clip {
         self.fps
     }
 
-    /// How the head turns in a frame: rotation vector, radians, axes of the face, `[3]`; nothing behind the last frame.
+    /// How the head turns in a frame: rotation vector, radians, axes of the face, `[3]`; nothing
+    /// after the last frame.
     pub fn head(&self, frame: usize) -> Option<Vec<f32>> {
         self.frames.get(frame).map(|frame| frame.head.to_vec())
     }
@@ -105,7 +106,7 @@ impl Clip {
     /// Adds an event such as `1.2-2.0:smile:0.8`: seconds, what the face does, and how strongly.
     ///
     /// # Errors
-    /// Seconds that do not rise, an unknown expression.
+    /// If the seconds do not rise or the expression is unknown.
     #[wasm_bindgen(js_name = addEvent)]
     pub fn add_event(&mut self, event: &str) -> Result<(), JsError> {
         self.events.push(Event::parse(event)?);
@@ -113,7 +114,7 @@ impl Clip {
         Ok(())
     }
 
-    /// Takes all events away.
+    /// Removes all events.
     #[wasm_bindgen(js_name = clearEvents)]
     pub fn clear_events(&mut self) {
         self.events.clear();

@@ -22,7 +22,7 @@ use crate::{
     speaker::Speaker,
 };
 
-/// Loaded models; makes faces, and what moves them.
+/// Loaded models, which make faces and move them.
 #[wasm_bindgen]
 pub struct Engine {
     engine: anyface::Engine,
@@ -35,7 +35,7 @@ impl Engine {
     /// Loads the models that were added.
     ///
     /// # Errors
-    /// A model that is missing.
+    /// If a model is missing.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Result<Engine, JsError> {
         let engine = anyface::Engine::new(EngineOptions {
@@ -50,12 +50,13 @@ impl Engine {
         })
     }
 
-    /// Finds the face of a head and prepares what moves it. `file`: an OBJ, PLY, GLB or VRM, told apart by content.
-    /// `landmarks`: the 68 points of a file of landmarks, JSON, where somebody knows them. `progress`: called with the
-    /// name of a step and how much of it is done, 0 to 1.
+    /// Finds the face of a head and prepares it to be moved. `file`: an OBJ, PLY, GLB or VRM,
+    /// recognised by its content. `landmarks`: a landmark file with the 68 points, JSON, if they
+    /// are known. `progress`: a function that is called with the name of a step and the share of it
+    /// that is done, 0 to 1.
     ///
     /// # Errors
-    /// A file that is none of these or damaged, a mesh without a face.
+    /// If the file is none of these or damaged, or the mesh has no face.
     pub fn face(
         &self,
         file: Vec<u8>,
@@ -75,11 +76,12 @@ impl Engine {
         Ok(face?)
     }
 
-    /// Moves a face by a whole sound: `samples`, mono, 16 kHz, within ±1. `emotion`: such as `happy:0.7`, or `auto` for what
-    /// is heard in the voice. `alive`: whether it blinks and its head drifts.
+    /// Makes the motion for a whole sound: `samples`, mono, 16 kHz, within ±1. `emotion`: such as
+    /// `happy:0.7`, or `auto` for the emotion heard in the voice. `alive`: whether the face blinks
+    /// and the head drifts.
     ///
     /// # Errors
-    /// Samples that are not finite, an unknown emotion.
+    /// If samples are not finite or the emotion is unknown.
     pub fn speak(&self, samples: &[f32], emotion: &str, alive: bool) -> Result<Clip, JsError> {
         let mut speaker = self.speaker(emotion, alive)?;
         speaker.hear_all();
@@ -88,10 +90,10 @@ impl Engine {
         Ok(Clip::of(speaker)?)
     }
 
-    /// Moves a face while a sound is going on.
+    /// Starts motion for a sound that is still going on.
     ///
     /// # Errors
-    /// An unknown emotion.
+    /// If the emotion is unknown.
     pub fn live(&self, emotion: &str) -> Result<Live, JsError> {
         Ok(Live::new(self.speaker(emotion, true)?))
     }
@@ -99,16 +101,17 @@ impl Engine {
     /// Displacements of all vertices in a frame of a clip, `[V * 3]`, units and axes of the mesh.
     ///
     /// # Errors
-    /// A frame that the clip does not have.
+    /// If the clip does not have this frame.
     #[wasm_bindgen(js_name = clipFrame)]
     pub fn clip_frame(&self, face: &Face, clip: &Clip, frame: usize) -> Result<Vec<f32>, JsError> {
         Ok(self.pose(face, &clip.landmarks(frame)?)?)
     }
 
-    /// Displacements of all vertices in the next frame of a stream, `[V * 3]`; nothing until more samples are there.
+    /// Displacements of all vertices in the next frame of a stream, `[V * 3]`; nothing until more
+    /// samples arrive.
     ///
     /// # Errors
-    /// Numbers that are not finite.
+    /// If numbers are not finite.
     #[wasm_bindgen(js_name = liveFrame)]
     pub fn live_frame(&self, face: &Face, live: &mut Live) -> Result<Option<Vec<f32>>, JsError> {
         let landmarks = live.next()?;
@@ -116,10 +119,11 @@ impl Engine {
         Ok(moved.transpose()?)
     }
 
-    /// A clip on a face as a binary glTF: morph targets and their weights over time. A GLB keeps its materials and bones.
+    /// A clip on a face as a binary glTF: morph targets and their weights over time. A GLB keeps
+    /// its materials and bones.
     ///
     /// # Errors
-    /// A GLB that shows its mesh twice, a clip too long for memory.
+    /// If a GLB shows its mesh twice, or the clip is too long for memory.
     #[wasm_bindgen(js_name = exportGlb)]
     pub fn export_glb(&self, face: &Face, clip: &Clip) -> Result<Vec<u8>, JsError> {
         let mut displacements = Vec::with_capacity(clip.frame_count() * LANDMARK_NUMBERS);
@@ -142,15 +146,15 @@ impl Engine {
 }
 
 impl Engine {
-    /// The face with all that moving it needs, and lips that part. A file of whose materials a result keeps everything
-    /// stays as it is.
+    /// Prepares the face to be moved, and parts its lips if they are one surface. The mesh of a GLB
+    /// stays as it is, because an export keeps its materials and bones.
     fn prepared(&self, mut face: anyface::Face, file: Vec<u8>) -> anyface::Result<Face> {
         if face.mouth() == Mouth::Welded && !file.starts_with(b"glTF") {
             let opened = self.engine.open_mouth(&face, &tell).and_then(|opened| {
                 let options = opened.face_options(&face);
                 self.engine.find(&opened.mesh, &options, &tell)
             });
-            // Where it fails the lips stay one surface, which is noted.
+            // If this fails, the lips stay one surface, and the face's notes say so.
             face = opened.unwrap_or(face);
         }
         let face = Face::new(face, file)?;
@@ -163,7 +167,7 @@ impl Engine {
         Speaker::new(self.engine.stream()?, ears, shapes, (emotion, alive))
     }
 
-    /// Displacements of all vertices, where landmarks of the mean face are displaced so far.
+    /// Displacements of all vertices, for these displacements of the mean face's landmarks.
     fn pose(&self, face: &Face, landmarks: &Landmarks) -> anyface::Result<Vec<f32>> {
         let motion = landmark_motion(landmarks.to_vec(), 1.0);
         let animation = Collector::collect(|sink| {
@@ -174,7 +178,7 @@ impl Engine {
     }
 }
 
-/// `[T * 68 * 3]` as motion.
+/// Displacements `[T * 68 * 3]` as motion.
 fn landmark_motion(values: Vec<f32>, fps: f64) -> Motion {
     let shape = (values.len() / LANDMARK_NUMBERS, LANDMARK_NUMBERS / 3, 3);
     let displacements = Array3::from_shape_vec(shape, values).expect("whole frames");
@@ -182,7 +186,8 @@ fn landmark_motion(values: Vec<f32>, fps: f64) -> Motion {
 }
 
 thread_local! {
-    /// What hears of progress while a face is being found. The library may call from any thread, and here it has one.
+    /// The page's function that is told the progress while a face is being found. The library may
+    /// call back from any thread, so its callback cannot hold the function; here there is only one.
     static LISTENER: RefCell<Option<js_sys::Function>> = const { RefCell::new(None) };
 }
 
@@ -190,7 +195,7 @@ fn tell(progress: Progress) -> bool {
     let listener = LISTENER.with_borrow(Clone::clone);
     if let Some(listener) = listener {
         let (stage, share) = (progress.stage.into(), progress.fraction.into());
-        // What a page does wrong in it is its own concern.
+        // An error in the page's function is the page's own concern.
         let _ = listener.call2(&JsValue::NULL, &stage, &share);
     }
     true

@@ -7,7 +7,7 @@ use wasm_bindgen::prelude::*;
 #[wasm_bindgen]
 pub struct Face {
     pub(crate) face: anyface::Face,
-    /// The file that it was read from.
+    /// Bytes of the file that it was read from.
     pub(crate) file: Vec<u8>,
     parts: Vec<GlbPart>,
 }
@@ -24,12 +24,12 @@ impl Face {
 
 #[wasm_bindgen]
 impl Face {
-    /// Places of all vertices, `[V * 3]`.
+    /// Rest positions of all vertices, `[V * 3]`.
     pub fn positions(&self) -> Vec<f32> {
         self.face.mesh.positions.as_flattened().to_vec()
     }
 
-    /// Corners of all triangles, `[F * 3]`.
+    /// Vertex numbers of all triangles, `[F * 3]`.
     pub fn triangles(&self) -> Vec<u32> {
         self.face.mesh.triangles.as_flattened().to_vec()
     }
@@ -39,8 +39,8 @@ impl Face {
         self.face.landmarks.positions.as_flattened().to_vec()
     }
 
-    /// From the axes of a face (x to its left, y up, z to the front; origin between the hinges of the jaw; metres) to the
-    /// mesh: a matrix of four columns, `[16]`.
+    /// Transform from the axes of a face (x to its left, y up, z to the front; origin between the
+    /// hinges of the jaw; metres) to the mesh: a matrix of four columns, `[16]`.
     pub fn place(&self) -> Vec<f32> {
         let place = self.face.to_canonical.inverse();
         let column = |c: usize| [0, 1, 2].map(|r| place.scale * place.rotation[r][c]);
@@ -50,14 +50,14 @@ impl Face {
         columns.as_flattened().iter().map(|x| *x as f32).collect()
     }
 
-    /// Size of the mesh's unit on a head of human size, metres.
+    /// Metres per unit of the mesh, if the head has human size.
     #[wasm_bindgen(getter, js_name = metresPerUnit)]
     pub fn metres_per_unit(&self) -> f64 {
         self.face.metres_per_unit()
     }
 
-    /// Parts of a GLB: of each the numbers of its node, mesh and primitive, its first vertex and the one behind its last,
-    /// `[P * 5]`; empty for other files.
+    /// Parts of a GLB, `[P * 5]`: for each the numbers of its node, mesh and primitive, of its
+    /// first vertex and of the one after its last. Empty for other files.
     #[wasm_bindgen(js_name = glbParts)]
     pub fn glb_parts(&self) -> Vec<u32> {
         let numbers = |part: &GlbPart| {
@@ -73,15 +73,16 @@ impl Face {
         self.parts.iter().flat_map(numbers).collect()
     }
 
-    /// What the nodes of a GLB's parts do to them: matrices of four columns, `[P * 16]`.
+    /// Transforms by which the nodes of a GLB place its parts in the scene: matrices of four
+    /// columns, `[P * 16]`.
     #[wasm_bindgen(js_name = glbPlaces)]
     pub fn glb_places(&self) -> Vec<f32> {
         let places = self.parts.iter().map(|part| part.placed.as_flattened());
         places.flatten().copied().collect()
     }
 
-    /// What each vertex belongs to, `[V]`: 0 skin, 1 what follows the jaw, 2 what follows the skull, 3 the inside of a mouth,
-    /// 4 lashes, brows and beards, 5 eyeballs, 6 anything else.
+    /// Role of each vertex, `[V]`: 0 skin, 1 parts that follow the jaw, 2 parts that follow the
+    /// skull, 3 the inside of a mouth, 4 lashes, brows and beards, 5 eyeballs, 6 anything else.
     pub fn roles(&self) -> Vec<u8> {
         let parts = &self.face.parts;
         let role = |part: u32| {
@@ -95,17 +96,18 @@ impl Face {
             .collect()
     }
 
-    /// Number of the part, connected by its triangles, of each vertex, `[V]`.
+    /// Number of the part that each vertex belongs to, `[V]`. Triangles connect the vertices of a
+    /// part.
     pub fn parts(&self) -> Vec<u32> {
         self.face.parts.of_vertex().to_vec()
     }
 
-    /// What of it will not move as it should, a sentence each.
+    /// Notes on what will not move as it should, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let welded = "The lips of this head are one surface, so they stretch instead of parting. Anyface in Blender can \
                       part them.";
         let lips = (self.face.mouth() == Mouth::Welded).then(|| welded.to_owned());
-        // How to help stands behind it, in words of the command.
+        // After "; give" comes advice in terms of the command line, which a page has no use for.
         let rests = self.face.at_rest();
         let rests = rests.map(|rests| rests.split("; give").next().unwrap_or_default().to_owned());
         let rests = rests.map(|rests| format!("Some of this face was {rests}."));

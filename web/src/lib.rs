@@ -1,7 +1,8 @@
 //! Anyface in a browser: a head becomes a [`Face`], a sound or a microphone moves it frame by frame.
 //!
-//! Weights are no part of the library: a page fetches those of [`model_names`] and hands each to [`add_model`] before it
-//! makes an [`Engine`]. Everything runs on the thread that calls it, so that a page calls it from a worker.
+//! The library contains no weights: a page fetches those of [`model_names`] and passes each to
+//! [`add_model`] before it makes an [`Engine`]. Everything runs on the calling thread, so a page
+//! should call it from a worker.
 
 mod clip;
 mod engine;
@@ -18,19 +19,19 @@ pub use engine::Engine;
 pub use face::Face;
 pub use live::Live;
 
-/// Names of the models that an engine needs, a line each.
+/// Names of the models that an engine needs, one a line.
 const MODELS: &str = include_str!("../models.txt");
 
-/// Names of the models that an engine needs: of each the file `NAME/model.planes.gz`.
+/// Names of the models that an engine needs. The file of each is `NAME/model.planes.gz`.
 #[wasm_bindgen(js_name = modelNames)]
 pub fn model_names() -> Vec<String> {
     MODELS.lines().map(str::to_owned).collect()
 }
 
-/// Takes the bytes of a model's `model.planes.gz`.
+/// Adds a model from the bytes of its `model.planes.gz`.
 ///
 /// # Errors
-/// An unknown name, bytes that are damaged, a model that is there already.
+/// If the name is unknown, the bytes are damaged, or the model is there already.
 #[wasm_bindgen(js_name = addModel)]
 pub fn add_model(name: &str, bytes: Vec<u8>) -> Result<(), JsError> {
     let known = built_in_models().find(|model| model.name == name);
@@ -49,7 +50,7 @@ pub fn emotion_names() -> Vec<String> {
     anyface::conditions::EMOTIONS.map(str::to_owned).to_vec()
 }
 
-/// What a face can be asked to do for a while, such as `smile`.
+/// Expressions that a face can show for a while, such as `smile`.
 #[wasm_bindgen(js_name = eventNames)]
 pub fn event_names() -> Vec<String> {
     let menu = anyface::conditions::MENU.iter();

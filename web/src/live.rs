@@ -1,4 +1,4 @@
-//! Motion while a sound is going on.
+//! Motion for a sound that is still going on.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ use crate::{
     speaker::Speaker,
 };
 
-/// A performance in progress: push samples, pull frames by [`crate::Engine::live_frame`].
+/// A performance in progress: push samples, pull frames with [`crate::Engine::live_frame`].
 #[wasm_bindgen]
 pub struct Live {
     speaker: Speaker,
@@ -46,27 +46,29 @@ impl Live {
 
 #[wasm_bindgen]
 impl Live {
-    /// Takes samples: mono, 16 kHz, within ±1.
+    /// Adds samples: mono, 16 kHz, within ±1.
     ///
     /// # Errors
-    /// Samples that are not finite.
+    /// If samples are not finite.
     pub fn push(&mut self, samples: &[f32]) -> Result<(), JsError> {
         Ok(self.speaker.push(samples)?)
     }
 
-    /// What is felt from the next frame on, such as `happy:0.7`, or `auto` for what is heard in the voice.
+    /// Sets the emotion from the next frame on, such as `happy:0.7`, or `auto` for the one heard in
+    /// the voice.
     ///
     /// # Errors
-    /// An unknown emotion.
+    /// If the emotion is unknown.
     #[wasm_bindgen(js_name = setEmotion)]
     pub fn set_emotion(&mut self, emotion: &str) -> Result<(), JsError> {
         Ok(self.speaker.set_emotion(emotion)?)
     }
 
-    /// Lets the face do something from now on for so many seconds, such as `smile:0.8`.
+    /// Fades in an expression such as `smile:0.8` from the next frame on, and holds it for this
+    /// many seconds.
     ///
     /// # Errors
-    /// An unknown expression.
+    /// If the expression is unknown.
     pub fn show(&mut self, expression: &str, seconds: f64) -> Result<(), JsError> {
         let until_s = EDGE_S + seconds;
         let event = Event::parse(&format!("{EDGE_S}-{until_s}:{expression}"))?;
@@ -93,7 +95,7 @@ impl Live {
         self.speaker.fps()
     }
 
-    /// Seconds of sound after a frame's own instant that it waits for.
+    /// How many seconds of sound after its own time a frame waits for.
     #[wasm_bindgen(getter, js_name = latencyS)]
     pub fn latency_s(&self) -> f64 {
         self.speaker.latency_s()

@@ -1,4 +1,4 @@
-//! Landmarks of the mean face, and what ARKit's shapes do to them.
+//! Landmarks of the mean face, and how ARKit's shapes move them.
 
 use anyface::{
     Result,
@@ -8,7 +8,7 @@ use anyface::{
 };
 use ndarray::Array2;
 
-/// Numbers of a frame of landmarks.
+/// How many numbers a frame of landmarks has.
 pub(crate) const LANDMARK_NUMBERS: usize = 3 * LANDMARKS;
 /// Displacements of landmarks on the mean face, metres.
 pub(crate) type Landmarks = [f32; LANDMARK_NUMBERS];

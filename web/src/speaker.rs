@@ -1,4 +1,4 @@
-//! What moves the landmarks of a face: speech, what is felt, and life beside both.
+//! Moves the landmarks of a face by speech, by emotion, and by blinks and drift of the head.
 
 use std::sync::Arc;
 
@@ -13,14 +13,14 @@ use anyface::{
 
 use crate::shapes::{Landmarks, Shapes, Weights};
 
-/// What stands for the emotion that is heard.
+/// Word that asks for the emotion heard in the voice.
 const HEARD: &str = "auto";
-/// Numbers of the height of the middle of the inner lips among landmarks, upper and lower; and how far an open mouth
-/// parts them, metres.
+/// Indices of the heights of the inner lips' middles in a frame of landmarks, upper and lower.
 const LIPS: [usize; 2] = [62 * 3 + 1, 66 * 3 + 1];
+/// How far an open mouth parts the lips, metres.
 const OPEN_M: f32 = 0.03;
 
-/// A frame.
+/// Motion of one frame.
 pub(crate) struct Spoken {
     pub landmarks: Landmarks,
     /// Rotation vector of the head, radians, axes of the face.
@@ -31,7 +31,7 @@ pub(crate) struct Spoken {
 pub(crate) struct Speaker {
     motion: Box<dyn MotionStream>,
     ears: (Arc<EmotionEncoder>, Arc<EmotionEar>),
-    /// Hears what is felt, and the samples that had come before.
+    /// Listener to the emotion, with the number of samples that had arrived before it began.
     listener: Option<(EmotionListener, u64)>,
     pushed: u64,
     shapes: Arc<Shapes>,
@@ -57,7 +57,7 @@ impl Speaker {
         Ok(speaker)
     }
 
-    /// What is felt from the next frame on.
+    /// Sets the emotion from the next frame on.
     pub fn set_emotion(&mut self, emotion: &str) -> Result<()> {
         if emotion != HEARD {
             self.listener = None;
@@ -87,7 +87,7 @@ impl Speaker {
         self.motion.finish()
     }
 
-    /// What ARKit's shapes do.
+    /// How ARKit's shapes move the landmarks.
     pub fn shapes(&self) -> &Arc<Shapes> {
         &self.shapes
     }
@@ -100,7 +100,7 @@ impl Speaker {
         self.motion.latency_s()
     }
 
-    /// The next frame, or nothing until more samples are there.
+    /// The next frame, or `None` until more samples arrive.
     pub fn next(&mut self) -> Result<Option<Spoken>> {
         self.feel()?;
         let Some(frame) = self.motion.pull() else {
@@ -125,7 +125,7 @@ impl Speaker {
         Ok(Some(Spoken { landmarks, head }))
     }
 
-    /// Sets the emotion of the next frame to what is heard up to the end of its look-ahead.
+    /// Sets the emotion of the next frame to the one heard up to the end of the frame's look-ahead.
     fn feel(&mut self) -> Result<()> {
         let Some((listener, before)) = &mut self.listener else {
             return Ok(());

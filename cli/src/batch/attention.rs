@@ -1,17 +1,19 @@
-//! Which rows somebody should look at, and why.
+//! Decides which rows a person should look at, and why.
 
 use super::ledger::Entry;
 
-/// From these on somebody should look: seconds open in silence, seconds of speech without a movement, millimetres a second.
+/// From these values on a person should look at the row: seconds with open lips in silence, seconds
+/// of speech in which the lips stay closed, and millimetres a second.
 const SILENT_OPEN_S: f64 = 0.3;
 const STILL_S: f64 = 1.0;
 const FAST_MM_S: f32 = 350.0;
-/// A line counts as slow that takes so many times what lines take a second of sound, and more than so many seconds.
+/// A line counts as slow if it takes this many times what lines usually take for a second of sound,
+/// and more than `SLOW_S` seconds in all.
 const SLOW: f64 = 6.0;
 const SLOW_S: f64 = 2.0;
 
-/// How much a row needs a human eye, and why: the largest number comes first. `usual`: seconds of work that a second of
-/// sound takes in most rows.
+/// How much a row needs a human eye, and why. Rows with larger numbers come first. `usual`: the
+/// median seconds of work for a second of sound.
 pub fn attention(entry: &Entry, usual: f64) -> (f64, Vec<String>) {
     let mut reasons = Vec::new();
     let mut sum = 0.0;
@@ -52,7 +54,7 @@ pub fn attention(entry: &Entry, usual: f64) -> (f64, Vec<String>) {
     if entry.ok && entry.seconds > SLOW_S && entry.seconds > SLOW * usual_s {
         say(10.0, format!("slow: {:.1} s", entry.seconds));
     }
-    // Among rows without a reason the livelier one comes first.
+    // Among rows without a reason, those with faster lips come first.
     sum += f64::from(lips.fastest_mm_s / FAST_MM_S).min(1.0);
     ((100.0 * sum).round() / 100.0, reasons)
 }

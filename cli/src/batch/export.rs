@@ -1,6 +1,8 @@
-//! `anyface batch --export`: hands the rows of a table to the engine of a farm, which runs them.
+//! `anyface batch --export`: hands the rows of a table to the engine of a render farm, which runs
+//! them.
 //!
-//! It fills in the templates of `cli/farm`, which Blender's batch fills in too, and says what to type next. No row is done.
+//! It fills in the templates of `cli/farm`, which Blender's batch also uses, and says what to type
+//! next. It does no row itself.
 
 use std::{fs, io::Write, path::Path};
 
@@ -12,16 +14,16 @@ use serde_json::to_string;
 use super::plan::Needs;
 use crate::{console::Console, paths::OutputPath};
 
-/// Cores of a task if --cores does not say.
+/// Cores of a task if --cores is not given.
 const CORES: usize = 2;
 /// Memory of a task as a multiple of the estimate for its rows.
 const MEMORY_MARGIN: f64 = 1.25;
 /// Time limit of a task as a multiple of the estimate for its rows.
 const TIME_MARGIN: f64 = 4.0;
-/// Seconds to start the command and to prepare a face, on a slow disk.
+/// Seconds that it takes to start the command and prepare a face on a slow disk.
 const START_S: f64 = 300.0;
 
-/// What runs the rows.
+/// The farm engine that runs the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Engine {
     Flamenco,
@@ -31,7 +33,7 @@ enum Engine {
 }
 
 impl Engine {
-    /// Templates, and the file that each becomes.
+    /// Each template, and the name of the file made from it.
     fn templates(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Engine::Flamenco => &[
@@ -44,7 +46,7 @@ impl Engine {
         }
     }
 
-    /// What to type when the files are there.
+    /// What to type once the files are written.
     fn hint(self, folder: &str) -> String {
         match self {
             Engine::Flamenco => format!(
@@ -61,7 +63,7 @@ impl Engine {
 /// Options of an export.
 #[derive(Args)]
 pub struct ExportArgs {
-    /// Write the job files of a render farm's engine, and do no row
+    /// Write the job files for this render farm engine, without doing any rows
     #[arg(long, value_enum, value_name = "ENGINE", conflicts_with_all = ["rows", "again", "dry_run", "sum"])]
     export: Option<Engine>,
     /// Rows of a task
@@ -70,7 +72,7 @@ pub struct ExportArgs {
     /// Cores of a task. It does this many rows at once [default: 2]
     #[arg(long, requires = "export", value_parser = count)]
     cores: Option<usize>,
-    /// Memory of a task in GB [default: the estimate for its rows and a quarter more]
+    /// Memory of a task in GB [default: a quarter more than the estimate for its rows]
     #[arg(long, requires = "export", value_name = "GB", value_parser = gigabytes)]
     memory: Option<f64>,
     /// Program that a node runs as `anyface` [default: the path of this program]
@@ -105,7 +107,7 @@ struct Exported {
 }
 
 impl ExportArgs {
-    /// Whether rows are handed to an engine.
+    /// Whether to hand the rows to an engine.
     pub fn is_on(&self) -> bool {
         self.export.is_some()
     }
@@ -115,11 +117,12 @@ impl ExportArgs {
         self.cores.unwrap_or(CORES)
     }
 
-    /// Writes the files of the engine, and says what to type next. `needs`: of all rows, on one thread.
+    /// Writes the files of the engine, and says what to type next. `needs`: memory of one task, and
+    /// processor time of all rows.
     ///
     /// # Errors
-    /// `InvalidInput` for a table without rows and for paths that an engine would read as its own words; `Io` if a file
-    /// cannot be written.
+    /// `InvalidInput` for a table without rows and for words that the engine would read as its own
+    /// syntax; `Io` if a file cannot be written.
     pub fn run(&self, node: &NodeCommand<'_>, needs: &Needs, console: &Console) -> Result<()> {
         let Some(engine) = self.export else {
             return Ok(());
@@ -205,7 +208,7 @@ impl Words {
         }
     }
 
-    /// Texts for the placeholders, in the quotes of the engine's language.
+    /// Values for the placeholders, quoted as the engine's language needs.
     fn values(&self, engine: Engine) -> Result<[(&'static str, String); 8]> {
         let behind = ["batch", &self.table].into_iter();
         let behind: Vec<&str> = behind
@@ -237,7 +240,7 @@ impl Words {
             ("command", quoted(shell([&self.program, "batch"])?)),
             ("jobs", quoted(&self.table)),
             ("options", quoted(shell(&self.options)?)),
-            // No row is a .blend that could be rendered.
+            // No row has a .blend file to render.
             ("blendfiles", quoted("[]")),
             ("platform", platform.to_owned()),
         ])
@@ -269,7 +272,8 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
     out + rest
 }
 
-/// Words as a shell reads them. `shlex` quotes them: a rule that is missing there is missing for everybody.
+/// Quotes words for a shell. `shlex` does this because a rule that it lacks would be missing for
+/// everybody.
 fn shell<W: AsRef<str>>(words: impl IntoIterator<Item = W>) -> Result<String> {
     let words = words.into_iter().map(|word| {
         let word = word.as_ref();
@@ -281,7 +285,7 @@ fn shell<W: AsRef<str>>(words: impl IntoIterator<Item = W>) -> Result<String> {
     Ok(words.collect::<Result<Vec<_>>>()?.join(" "))
 }
 
-/// Text as JSON, Python, JavaScript and YAML read it.
+/// Quotes text so that JSON, Python, JavaScript and YAML all read it back.
 fn quoted(text: impl AsRef<str>) -> String {
     to_string(text.as_ref()).expect("text serialises")
 }

@@ -1,4 +1,5 @@
-//! Faces and models that many rows share. Each is prepared once, when the first of its rows is due.
+//! Faces and models that many rows share. Each is prepared once, when the first of its rows needs
+//! it.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -17,11 +18,11 @@ const MOST: usize = 4;
 /// A face with the models that move it.
 pub struct Ready {
     pub engine: Arc<Engine>,
-    /// `None` where rows have no mesh.
+    /// `None` if the rows have no mesh.
     pub face: Option<Face>,
     /// The file of its mesh.
     pub mesh: Option<PathBuf>,
-    /// `Some` where a row of the face asks for weights of its shapes.
+    /// `Some` if a row of the face wants weights of its shapes as the result.
     pub weights: Option<TakeWeights>,
     /// What the user should know about the face.
     pub warnings: Vec<String>,
@@ -32,17 +33,18 @@ type Slot<T> = Arc<OnceLock<std::result::Result<Arc<T>, Failure>>>;
 /// All faces of a batch.
 #[derive(Default)]
 pub struct Faces {
-    /// By [`Row::face`], the most recently used one last.
+    /// Keyed by [`Row::face`], the most recently used face last.
     faces: Mutex<Vec<(String, Slot<Ready>)>>,
-    /// By the options that choose them.
+    /// Keyed by the options that choose them.
     engines: Mutex<HashMap<String, Slot<Engine>>>,
 }
 
 impl Faces {
-    /// The face of a row. The first caller prepares it, and callers that come meanwhile wait. `rows`: all that may move it.
+    /// The face of a row. The first caller prepares it, and callers that come meanwhile wait.
+    /// `rows`: all rows that may move it.
     ///
     /// # Errors
-    /// Why the face cannot be prepared. All its rows get the same error.
+    /// The reason why the face cannot be prepared. Callers that share the face get the same error.
     pub fn ready(
         &self,
         row: &Row,
@@ -69,7 +71,8 @@ impl Faces {
         ready.clone()
     }
 
-    /// Prepares the faces of the first rows, as many as stay in memory. A face that cannot be prepared is skipped.
+    /// Prepares the first faces that the rows need, as many as stay in memory. A face that cannot
+    /// be prepared is skipped.
     pub fn prepare(&self, rows: &[Row], progress: ProgressFn<'_>) {
         let mut known = HashSet::new();
         let first = rows.iter().filter(|row| known.insert(row.face.as_str()));

@@ -1,4 +1,5 @@
-//! What has come of each row: a line of JSON for each end of a row, in one file that several processes may write.
+//! The history of a batch: one line of JSON each time a row ends, in one file that several
+//! processes may write.
 
 use std::{
     collections::HashMap,
@@ -18,13 +19,13 @@ use super::{
 };
 use crate::console::kind;
 
-/// How the file is called among the reports.
+/// Name of the history in the folder of reports.
 pub const HISTORY: &str = "history.jsonl";
 
-/// Most bytes of a line that are read at once; an entry with its curves has some thousand.
+/// The most bytes of a line that are read at once. An entry with its curves has a few thousand.
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// Exit code where some rows failed, as Blender's batch has it.
+/// Exit code if some rows failed, the same as that of Blender's batch.
 pub const SOME_FAILED: u8 = 12;
 
 /// Why a row has no result.
@@ -45,7 +46,7 @@ impl From<&Error> for Failure {
     }
 }
 
-/// One end of a row; what does not apply is left out.
+/// How a row ended. Optional fields that do not apply are left out of the file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Entry {
@@ -57,22 +58,22 @@ pub struct Entry {
     pub exit_code: u8,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// How long it took.
+    /// Seconds that the row took.
     pub seconds: f64,
-    /// Seconds since 1970.
+    /// When the row ended, seconds since 1970.
     pub at: f64,
     pub host: String,
     pub pid: u32,
-    /// Of the sound.
+    /// Length of the sound, seconds.
     pub duration_s: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_mb: Option<u64>,
     #[serde(skip_serializing_if = "String::is_empty")]
     pub out: String,
-    /// Size and time of the result, by which a change is known.
+    /// Size and time of the result, to detect later changes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub result: Option<FileState>,
-    /// Of the row and the files that it reads.
+    /// Digest of the row and the files that it reads.
     pub digest: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lips: Option<LipMotion>,
@@ -91,7 +92,8 @@ pub struct FileState {
 }
 
 impl FileState {
-    /// The state of a file, or of a folder: then the sum of all sizes and the newest time in it. `None` if nothing is there.
+    /// The state of a file or folder. For a folder these are the sum of all sizes and the newest
+    /// time in it. `None` if nothing is there.
     pub fn of(path: &Path) -> Option<FileState> {
         let metadata = fs::metadata(path).ok()?;
         let state = FileState {
@@ -115,7 +117,8 @@ fn since_1970_ns(time: SystemTime) -> u64 {
     since.as_nanos() as u64
 }
 
-/// Names the rows with the files that they read: it changes where any of these does, and is the same on every machine.
+/// Computes digests of rows. A digest changes when the row's options, the files that it reads or
+/// the version of anyface change. It is the same on every machine that sees the same files.
 #[derive(Default)]
 pub struct Digests {
     known: HashMap<PathBuf, Option<FileState>>,
@@ -128,7 +131,7 @@ impl Digests {
         let words = serde_json::to_vec(&row.words).expect("text serialises");
         hasher.update(&words);
         for path in &row.inputs {
-            // Landmarks beside a mesh are read with it.
+            // A mesh may have a file of landmarks beside it, which is read as well.
             for path in [path.clone(), crate::paths::landmarks_beside(path)] {
                 let state = self.known.entry(path);
                 let state = state.or_insert_with_key(|path| FileState::of(path));
@@ -143,14 +146,15 @@ impl Digests {
 /// The history of a batch, in its folder of reports.
 pub struct Ledger {
     path: PathBuf,
-    /// Opened with the first line that is written.
+    /// Opened when the first line is written.
     file: Mutex<Option<File>>,
-    /// The last end of each row, without its curves.
+    /// The latest entry of each row, without its curves.
     last: HashMap<String, Entry>,
 }
 
 impl Ledger {
-    /// Reads what is there; a line that is no entry, such as one that a killed process has begun, is passed over.
+    /// Reads the existing history. It skips lines that are no entries, such as one that a killed
+    /// process left unfinished.
     ///
     /// # Errors
     /// `Io` if the file cannot be read.
@@ -176,7 +180,8 @@ impl Ledger {
         self.last.get(name)
     }
 
-    /// Whether a row was done as it stands now, and its result is still the one that was written.
+    /// Whether the row has succeeded with its present options and input files, and its result is
+    /// unchanged since.
     pub fn is_finished(&self, row: &Row, digest: &str) -> bool {
         let is_result = |entry: &Entry| {
             let out = row.outputs.first();
@@ -187,10 +192,11 @@ impl Ledger {
         entry.is_some_and(|entry| entry.ok && entry.digest == digest && is_result(entry))
     }
 
-    /// Notes the end of a row: one write at the end of the file, which no other process's write tears.
+    /// Appends how a row ended. The line is a single write, so that other processes cannot write
+    /// into the middle of it.
     ///
     /// # Errors
-    /// `Io` if it cannot be written.
+    /// `Io` if the file cannot be written.
     pub fn append(&self, entry: &Entry) -> Result<()> {
         let mut line = serde_json::to_vec(entry).expect("an entry serialises");
         line.push(b'\n');
@@ -203,7 +209,8 @@ impl Ledger {
     }
 }
 
-/// The file, for lines at its end; what a killed process has begun there gets an end of its own.
+/// Opens the file for appending. If a killed process left an unfinished line at the end, a line
+/// break closes it.
 fn opened(path: &Path) -> Result<File> {
     let io = || Error::io(path);
     if let Some(folder) = path.parent() {
@@ -225,7 +232,7 @@ fn opened(path: &Path) -> Result<File> {
 /// Hands every entry of a history to `take`, the oldest first.
 ///
 /// # Errors
-/// `Io` if the file is there and cannot be read; `InvalidInput` for what is no regular file.
+/// `Io` if the file exists but cannot be read, `InvalidInput` if it is not a regular file.
 pub fn each_entry(path: &Path, mut take: impl FnMut(Entry)) -> Result<()> {
     let file = match File::open(path) {
         Ok(file) => file,

@@ -1,4 +1,4 @@
-//! One line of speech: its options, and what its result may be.
+//! One line of speech: its options, and the kinds of result that it can have.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::{
     scene::SceneArgs,
 };
 
-/// One line of speech, as a row and the options of all rows ask for it.
+/// One line of speech, with the options of its row and those for all rows.
 #[derive(Parser)]
 #[command(name = "anyface batch", no_binary_name = true)]
 pub struct Line {
@@ -32,11 +32,11 @@ pub struct Line {
     pub shared: SharedArgs,
 }
 
-/// What a row may have, and the command line for all rows.
+/// Options that a row may set, and that the command line may set for all rows.
 #[derive(Args)]
 pub struct LineOptions {
-    /// The mesh of all rows that name none: OBJ, PLY or GLB. A row without a mesh becomes landmark motion (.npz), or weights
-    /// if its system makes weights
+    /// The mesh for all rows that name none: OBJ, PLY or GLB. A row without a mesh becomes landmark
+    /// motion (.npz), or weights if its system makes weights
     #[arg(long, value_name = "M")]
     pub mesh: Option<InputPath>,
     #[command(flatten)]
@@ -55,7 +55,7 @@ impl Line {
         self.options.mesh.is_some() && self.is_table()
     }
 
-    /// Whether the result is a table.
+    /// Whether the result is a table (.csv or .json).
     pub fn is_table(&self) -> bool {
         let out: &Path = &self.out;
         let ending = out.extension().and_then(|ending| ending.to_str());
@@ -63,10 +63,10 @@ impl Line {
         ["csv", "json"].iter().any(is)
     }
 
-    /// Refuses a kind of result that this line cannot have.
+    /// Checks that this line can have a result of the kind that its file name asks for.
     ///
     /// # Errors
-    /// `InvalidInput` that names the endings.
+    /// `InvalidInput` that lists the possible endings.
     pub fn check_out(&self) -> Result<()> {
         let out = &self.out;
         if self.wants_weights() {

@@ -1,32 +1,34 @@
-//! What the lips of a line do beside its sound.
+//! Measures how well the lips of a line match its sound.
 
 use anyface::audio::{SAMPLE_RATE_HZ, Waveform};
 use serde::{Deserialize, Serialize};
 
-/// Peaks of the waveform on a page.
+/// Number of waveform peaks that the page draws for each row.
 pub const PEAKS: usize = 200;
-/// Speech is louder than this share of the loudest frames, and silence, so far away from all speech, is not.
+/// A frame louder than this share of the loudest frames is speech. Frames more than `APART_S`
+/// seconds away from all speech are silence.
 const SPOKEN: f32 = 0.1;
 const APART_S: f64 = 0.3;
-/// Sound below this is silence, whatever else is heard.
+/// Sound up to this level is never speech, however quiet the rest is.
 const LEAST_RMS: f32 = 1e-3;
-/// Lips are open from this gap on, and have not moved below the second, millimetres on a human head.
+/// Lips are open if their gap is wider than this. Below `MOVED_MM` they have not parted.
+/// Millimetres on a human head.
 const OPEN_MM: f32 = 4.0;
 const MOVED_MM: f32 = 1.0;
 /// The gap between the lips over time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     pub fps: f64,
-    /// Millimetres on a human head, beyond the face at rest.
+    /// How much wider the gap is than in the face at rest, millimetres on a human head.
     pub values: Vec<f32>,
 }
 
-/// The numbers that a judgement of the lips needs.
+/// Numbers by which to judge the motion of the lips.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct LipMotion {
-    /// Seconds of silence, away from speech, in which they are open.
+    /// Seconds of silence, away from speech, in which the lips are open.
     pub silent_open_s: f64,
-    /// The longest stretch of speech, seconds, in which they do not move apart.
+    /// The longest stretch of speech, seconds, in which the lips do not part.
     pub still_s: f64,
     /// The fastest change of the gap, millimetres a second on a human head.
     pub fastest_mm_s: f32,
@@ -35,7 +37,7 @@ pub struct LipMotion {
 }
 
 impl LipMotion {
-    /// Of a gap beside its sound.
+    /// Measures a gap against its sound.
     pub fn of(gap: &Gap, sound: &Waveform) -> LipMotion {
         let loud = loudness(sound, gap.fps, gap.values.len());
         let mut sorted = loud.clone();

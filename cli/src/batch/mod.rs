@@ -37,12 +37,12 @@ use results::Summary;
 use rows::{Defaults, Row};
 use work::Done;
 
-/// Exit code and kind of a defect.
+/// Exit code and kind of failure for a row that panicked.
 const DEFECT: (u8, &str) = (10, "internal");
 /// Stack of a thread that does lines.
 const STACK_BYTES: usize = 8 << 20;
 
-/// Animate many lines of speech on one face: a row a line, in a table
+/// Animate many lines of speech on one face, from a table with one row for each line
 #[derive(Args)]
 pub struct Batch {
     /// The lines of speech: a .csv or .tsv table (tabs) with a header. It needs the columns audio and out. It may also have
@@ -54,18 +54,19 @@ pub struct Batch {
     /// Do only these rows, as in 1-500 or 7. Row 1 is the first one below the header
     #[arg(long, value_name = "A-B")]
     rows: Option<RowRange>,
-    /// A folder of the table that has another name on this machine. May be repeated. If one of the two is a Windows path
-    /// and the other is not, the one of this system is opened, whichever of them a row has. Otherwise TO is opened
+    /// A folder in the table's paths that has another name on this machine. May be repeated. If
+    /// only one of the two is a Windows path, the one that suits this system is opened, whichever
+    /// of them a row has. Otherwise TO is opened
     #[arg(long, value_name = "FROM=TO")]
     map: Vec<PathMap>,
-    /// Also do the rows that are finished
+    /// Also redo the rows that are finished
     #[arg(long)]
     again: bool,
     /// Print what would be done, and write nothing
     #[arg(long)]
     dry_run: bool,
-    /// Do no row. Write the page and the summary of all that any process has done. A run with --rows writes neither,
-    /// because other processes may still be doing other rows
+    /// Only write the page and the summary of what all processes have done. A run with --rows
+    /// writes neither, because other processes may still be doing other rows
     #[arg(long, conflicts_with_all = ["rows", "again", "dry_run"])]
     sum: bool,
     #[command(flatten)]
@@ -74,7 +75,7 @@ pub struct Batch {
     defaults: Defaults,
 }
 
-/// Numbers of rows, both inclusive.
+/// First and last row number, both inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct RowRange {
     first: usize,
@@ -95,10 +96,10 @@ impl FromStr for RowRange {
     }
 }
 
-/// A batch, read and compared with what was done before.
+/// The rows of a batch, and which of them are still to do.
 struct Job<'a> {
     rows: &'a [Row],
-    /// One a row, in their order.
+    /// The digest of each row, in the order of the rows.
     digests: &'a [String],
     ledger: &'a Ledger,
     faces: &'a Faces,
@@ -115,7 +116,7 @@ struct Counts {
 }
 
 impl Batch {
-    /// Returns the exit code.
+    /// Runs the command. Returns the exit code.
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<u8> {
         let started = Instant::now();
         let rows = rows::read(&self.lines, &self.defaults, &self.map)?;
@@ -136,7 +137,7 @@ impl Batch {
         if self.sum {
             waiting.clear();
         }
-        // Rows of one face come one after the other.
+        // Sorts the rows so that those of one face follow each other.
         waiting.sort_by(|a, b| rows[*a].face.cmp(&rows[*b].face).then(a.cmp(b)));
         let threads = threads(shared);
         if self.dry_run {
@@ -175,7 +176,8 @@ impl Batch {
         if self.sum {
             faces.prepare(&rows, &|_| !signals::are_to_end());
         }
-        // Other processes do other rows meanwhile: the sum and the page wait for --sum.
+        // With --rows, other processes may be doing other rows. The summary and the page then wait
+        // for --sum.
         let faces = self.rows.is_none().then_some(&faces);
         results::write(&folder, &rows, &digests, faces, &mut summary)?;
         if signals::are_to_end() {
@@ -188,7 +190,7 @@ impl Batch {
         })
     }
 
-    /// Writes what the engine of a farm runs.
+    /// Writes the job files for the engine of a render farm.
     fn hand_over(&self, rows: &[Row], ledger: &Ledger, console: &Console) -> Result<u8> {
         let needs = Needs::of_all(rows, ledger, self.export.threads())?;
         let maps = self.map.iter().map(|map| format!("--map={map}"));
@@ -203,7 +205,7 @@ impl Batch {
         Ok(0)
     }
 
-    /// Indices of the rows that --rows chooses, or of all.
+    /// Indices of the rows that --rows chooses, or of all rows.
     fn chosen(&self, rows: &[Row]) -> Result<std::ops::Range<usize>> {
         let Some(RowRange { first, last }) = self.rows else {
             return Ok(0..rows.len());
@@ -223,7 +225,7 @@ impl Batch {
     }
 }
 
-/// How many lines run at once: --threads, or one a core.
+/// How many lines run at once: --threads, or one for each core.
 fn threads(shared: &SharedArgs) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     shared.threads().unwrap_or_else(cores)
@@ -368,8 +370,8 @@ impl Job<'_> {
     }
 }
 
-/// Makes a thread pool of the calling thread alone. The parallel loops of a line then stay on its thread, because the other
-/// threads are busy with other lines.
+/// Makes a thread pool of only the calling thread. The parallel loops of a line then stay on its
+/// thread, because the other threads are busy with other lines.
 fn alone() -> std::result::Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(1);
     builder.use_current_thread().build()

@@ -1,4 +1,4 @@
-//! Paths of another machine, as `--map FROM=TO` translates them.
+//! Translates paths from another machine, as `--map FROM=TO` says.
 
 use std::{
     fmt::{Display, Formatter},
@@ -35,7 +35,7 @@ impl Display for PathMap {
     }
 }
 
-/// Whether a path is one of Windows: it begins with a drive, or has backslashes.
+/// Whether this is a Windows path, which begins with a drive or has backslashes.
 pub fn is_of_windows(path: &str) -> bool {
     let drive = path.as_bytes();
     let has_drive = drive.len() > 1 && drive[0].is_ascii_alphabetic() && drive[1] == b':';
@@ -43,8 +43,9 @@ pub fn is_of_windows(path: &str) -> bool {
 }
 
 impl PathMap {
-    /// A path that begins with one of both folders in the other, where that is the one that this system opens: of a Windows
-    /// path and another one the system decides, of two alike the second is meant.
+    /// Moves a path from one folder of the map into the other. Returns `None` if it does not lie in
+    /// the first. If only one folder is a Windows path, the result lies in the one that suits this
+    /// system, otherwise in `to`.
     fn translate(&self, path: &str, is_windows: bool) -> Option<String> {
         let (from, to) = (self.from.as_str(), self.to.as_str());
         let turned = is_of_windows(from) != is_of_windows(to) && is_of_windows(to) != is_windows;
@@ -60,7 +61,7 @@ impl PathMap {
     }
 }
 
-/// The path as this system opens it: by the first map whose folder it lies in.
+/// The path as this system opens it, translated by the first map that applies.
 pub fn translated(path: &str, maps: &[PathMap]) -> String {
     let by_map = |map: &PathMap| map.translate(path, cfg!(windows));
     maps.iter()
@@ -68,9 +69,9 @@ pub fn translated(path: &str, maps: &[PathMap]) -> String {
         .unwrap_or_else(|| path.to_owned())
 }
 
-/// What of a path lies below a folder, component by component; `None` where it is elsewhere.
+/// The components of a path below a folder. `None` if the path does not lie in it.
 fn rest_of<'a>(path: &'a str, folder: &'a str) -> Option<Vec<&'a str>> {
-    // Windows tells no small letters from large ones, and takes both separators.
+    // Windows ignores case and accepts both separators.
     let of_windows = is_of_windows(folder);
     let separators: &[char] = if of_windows { &['/', '\\'] } else { &['/'] };
     let [path, folder] = [path, folder].map(|text| {

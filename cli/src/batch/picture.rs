@@ -1,23 +1,25 @@
-//! Small pictures of a face, drawn without a graphics card: triangles with depth, as the extension's `core/picture.py` draws.
+//! Small pictures of a face, drawn without a graphics card: triangles with a depth buffer, in the
+//! way of the extension's `core/picture.py`.
 
 use anyface::{Face, Result, face::Rig, mesh::PartRole};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-/// Pixels along a side, and samples along the side of a pixel.
+/// Pixels along a side of the picture, and samples along a side of each pixel.
 const SIDE: usize = 80;
 const SAMPLES: usize = 2;
 const FINE: usize = SIDE * SAMPLES;
 const SKIN: [f32; 3] = [0.87, 0.69, 0.60];
 const TEETH: [f32; 3] = [0.93, 0.92, 0.88];
-/// Where light comes from, +x to the subject's left, +y up, +z to the viewer, and how bright it is.
+/// Where each light comes from (+x to the subject's left, +y up, +z to the viewer), and how bright
+/// it is.
 const LIGHTS: [([f32; 3], f32); 2] = [([-0.45, 0.55, 0.70], 0.72), ([0.8, -0.1, 0.6], 0.22)];
 const AMBIENT: f32 = 0.16;
-/// What is seen from behind, as the inside of a mouth.
+/// Brightness of surfaces seen from behind, such as the inside of a mouth.
 const BACK: f32 = 0.12;
-/// The picture reaches so far beyond the landmarks, as a share of their extent.
+/// Half the side of the picture, as a share of the extent of the landmarks.
 const MARGIN: f32 = 0.65;
 
-/// A face that is drawn again and again.
+/// A face that is drawn several times with different weights.
 pub struct Portrait<'a> {
     face: &'a Face,
     rig: &'a Rig,
@@ -50,7 +52,7 @@ impl<'a> Portrait<'a> {
         }
     }
 
-    /// A PNG as a data URI of the face under weights of its shapes, by their names.
+    /// Draws the face with these weights of its shapes, given by name. Returns a PNG as a data URI.
     ///
     /// # Errors
     /// `InvalidInput` if the picture cannot be encoded.
@@ -69,7 +71,8 @@ impl<'a> Portrait<'a> {
         Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))
     }
 
-    /// Vertices in samples from the upper left corner, and towards the viewer.
+    /// Vertices of the moved face: x and y in samples from the upper left corner, z towards the
+    /// viewer.
     fn points(&self, weights: &[(String, f32)]) -> Vec<[f32; 3]> {
         let mut points = self.face.mesh.positions.clone();
         for (name, weight) in weights.iter().filter(|(_, weight)| *weight != 0.0) {
@@ -98,7 +101,7 @@ impl<'a> Portrait<'a> {
         let mut fine = vec![[0.0f32; 4]; FINE * FINE];
         for corners in triangles {
             let [a, b, c] = corners.map(|v| points[v as usize]);
-            // y points down here.
+            // Here y points down.
             let is_front = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) < 0.0;
             each_sample([a, b, c], |at, shares, z| {
                 if z <= depth[at] {
@@ -119,7 +122,8 @@ impl<'a> Portrait<'a> {
     }
 }
 
-/// Means of the samples of each pixel; colours at the edge are those of the face, not of what is behind it.
+/// Averages the samples of each pixel. Pixels at the edge take their colour only from samples that
+/// hit the face.
 fn coarse(fine: &[[f32; 4]]) -> Vec<u8> {
     let mut pixels = Vec::with_capacity(4 * SIDE * SIDE);
     for at in 0..SIDE * SIDE {
@@ -137,7 +141,8 @@ fn coarse(fine: &[[f32; 4]]) -> Vec<u8> {
     pixels
 }
 
-/// Hands the number of each sample that a triangle covers to `paint`, with the shares of its corners and its depth.
+/// Calls `paint` for each sample that a triangle covers, with the sample's index, the weights of
+/// the three corners there, and its depth.
 fn each_sample([a, b, c]: [[f32; 3]; 3], mut paint: impl FnMut(usize, [f32; 3], f32)) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if !area.is_normal() {
@@ -166,7 +171,7 @@ fn each_sample([a, b, c]: [[f32; 3]; 3], mut paint: impl FnMut(usize, [f32; 3], 
     }
 }
 
-/// Normals of the vertices, not of length 1; y up.
+/// Normals of the vertices, with y up. They are not of unit length.
 fn normals(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut normals = vec![[0.0f32; 3]; points.len()];
     for corners in triangles {

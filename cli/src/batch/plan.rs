@@ -1,4 +1,4 @@
-//! What a batch would do, without doing it.
+//! Says what a batch would do, without doing it.
 
 use anyface::{Result, audio::SoundFile, job::SILENT, mesh::Mesh, speech::frames_of};
 use serde::Serialize;
@@ -10,10 +10,11 @@ use super::{
 };
 use crate::console::Console;
 
-/// The plan reads the length of this many sounds, spread over all rows, and estimates the rest from them.
+/// The plan reads the lengths of at most this many sounds, spread over all rows, and estimates the
+/// rest from them.
 const SAMPLED: usize = 50;
-/// Seconds of one thread for a second of sound, used until a line has been done. Measured: 186 ms for 4 s of sound on a head
-/// of 26,719 vertices, while the machine did other work.
+/// Seconds that one thread takes for a second of sound, used until a line has been done. Measured:
+/// 186 ms for 4 s of sound on a head of 26,719 vertices, while the machine did other work.
 const COST: f64 = 0.047;
 
 #[derive(Serialize)]
@@ -21,17 +22,18 @@ struct Plan {
     rows: usize,
     finished_before: usize,
     waiting: usize,
-    /// Name and reason.
+    /// Name of each row that cannot be done, and why.
     broken: Vec<[String; 2]>,
     sound_s: f64,
     estimated_s: f64,
     estimated_mb: u64,
 }
 
-/// Says how many rows would be done, which cannot, and how long it would take. Returns the exit code.
+/// Prints how many rows would be done, which ones cannot be done, and how long the batch would
+/// take. Returns the exit code.
 ///
 /// # Errors
-/// Those of loading the models.
+/// Those of loading the models and of reading the first line's mesh.
 pub fn tell(
     rows: &[Row],
     waiting: &[usize],
@@ -59,24 +61,24 @@ pub fn tell(
 
 /// Memory and time that rows need.
 pub struct Needs {
-    /// Most memory of one process. Its threads share the face and the models.
+    /// The most memory of one process, whose threads share the face and the models.
     pub memory_mb: u64,
-    /// Time of one thread for all rows.
+    /// Seconds that one thread would take for all rows.
     pub processor_s: f64,
     sound_s: f64,
 }
 
 impl Needs {
-    /// Of all rows of a table that can be done.
+    /// The needs of all rows of a table that can be done.
     ///
     /// # Errors
-    /// Those of loading the models.
+    /// Those of loading the models and of reading the first line's mesh.
     pub fn of_all(rows: &[Row], ledger: &Ledger, threads: usize) -> Result<Needs> {
         let (good, _) = sorted(rows.iter());
         Needs::of(&good, (rows, ledger), threads)
     }
 
-    /// Of `lines`. What `rows` took before tells how long these will take.
+    /// The needs of `lines`. Their time is estimated from what `rows` took before.
     fn of(lines: &[&Line], (rows, ledger): (&[Row], &Ledger), threads: usize) -> Result<Needs> {
         let step = lines.len().div_ceil(SAMPLED).max(1);
         let sounds = lines.iter().step_by(step);
@@ -95,7 +97,8 @@ impl Needs {
     }
 }
 
-/// Lines that can be done, and name and reason of each row that cannot.
+/// Separates the lines that can be done from the rows that cannot. For those it returns their names
+/// and the reasons.
 fn sorted<'a>(rows: impl Iterator<Item = &'a Row>) -> (Vec<&'a Line>, Vec<[String; 2]>) {
     let (mut good, mut broken) = (Vec::new(), Vec::new());
     for row in rows {
@@ -107,7 +110,7 @@ fn sorted<'a>(rows: impl Iterator<Item = &'a Row>) -> (Vec<&'a Line>, Vec<[Strin
     (good, broken)
 }
 
-/// The line of a row whose options are valid and whose files exist, otherwise the reason.
+/// The line of a row if its options are valid and its files exist, otherwise the reason why not.
 fn checked(row: &Row) -> std::result::Result<&Line, String> {
     let line = row.line.as_ref().map_err(ToString::to_string)?;
     let request = line.options.motion.request(&line.shared);
@@ -124,7 +127,8 @@ fn length_s(line: &Line) -> Option<f64> {
     Some(sound.levels.duration_s())
 }
 
-/// Seconds of one thread for a second of sound: the median of the lines that were done before.
+/// Seconds that one thread takes for a second of sound: the median of the lines that were done
+/// before.
 fn cost(rows: &[Row], ledger: &Ledger) -> f64 {
     let entries = rows.iter().filter_map(|row| ledger.last(&row.name));
     let entries = entries.filter(|entry| entry.ok && entry.duration_s > 0.0);

@@ -23,13 +23,13 @@ use super::{
 
 /// The page has curves and pictures for this many rows: those that most need a human eye.
 const SHOWN: usize = 100;
-/// Pictures of a row.
+/// The most pictures of a row.
 const PICTURES: usize = 3;
-/// The page. The rows replace the mark [`ROWS`] in it.
+/// The page. The rows replace the placeholder [`ROWS`].
 const PAGE: &str = include_str!("../../farm/results.html");
 const ROWS: &str = "{{ROWS}}";
 
-/// One row, as the page has it.
+/// One row of the summary and the page.
 #[derive(Serialize)]
 struct Shown {
     #[serde(flatten)]
@@ -37,7 +37,7 @@ struct Shown {
     /// How much it needs a human eye, and why.
     attention: f64,
     reasons: Vec<String>,
-    /// Of the page alone.
+    /// Only the page has these.
     #[serde(skip)]
     pictures: Vec<String>,
 }
@@ -102,26 +102,26 @@ impl Shown {
     }
 }
 
-/// The sum of a batch.
+/// The totals of a batch.
 #[derive(Serialize)]
 pub struct Summary {
     /// Rows of the table.
     pub rows: usize,
-    /// Rows whose result lies there.
+    /// Rows that have succeeded.
     pub ok: usize,
     /// Names of rows that failed.
     pub failed: Vec<String>,
-    /// Rows that nobody has done yet.
+    /// Rows that have not been done yet, or have changed since.
     pub left: usize,
-    /// Of those of this run, done before it.
+    /// Rows of this run that were finished before it started.
     pub finished_before: usize,
-    /// Done in this run.
+    /// Rows done in this run.
     pub done: usize,
     pub seconds: f64,
     pub lines_per_s: f64,
-    /// What concerns all rows of a face.
+    /// Warnings that concern all rows of a face.
     pub warnings: Vec<String>,
-    /// The page, where it was written.
+    /// Path of the page, if it was written.
     pub results: Option<String>,
 }
 
@@ -133,8 +133,9 @@ struct Document<'a> {
     lines: &'a [Shown],
 }
 
-/// Counts the rows of `summary` from the history, to which other processes may have written, too. With `faces` it also
-/// writes `batch.json` and `results.html`. The pictures of the page show these faces.
+/// Counts the rows for `summary` from the history, to which other processes may also have written.
+/// If `faces` are given, also writes `batch.json` and `results.html`, whose pictures show these
+/// faces.
 ///
 /// # Errors
 /// `Io` if a file cannot be read or written.
@@ -171,7 +172,7 @@ pub fn write(
     write_atomically(&page, |file| file.write_all(content.as_bytes()))
 }
 
-/// The latest entry of each row that has not changed since, in the order of the table.
+/// The latest entry of each row, in the order of the table. Rows that have changed since have none.
 fn entries(folder: &Path, rows: &[Row], digests: &[String]) -> Result<Vec<Shown>> {
     let ledger = Ledger::open(folder)?;
     let known = rows.iter().zip(digests);
@@ -200,7 +201,7 @@ fn entries(folder: &Path, rows: &[Row], digests: &[String]) -> Result<Vec<Shown>
     Ok(shown.collect())
 }
 
-/// Reads the curves of the first rows from the history. Only these are ever in memory.
+/// Reads the curves of the first rows from the history. Other curves are not kept in memory.
 fn add_curves(folder: &Path, shown: &mut [Shown]) -> Result<()> {
     let first = shown.iter().take(SHOWN).enumerate();
     let places: HashMap<String, usize> = first
@@ -214,7 +215,8 @@ fn add_curves(folder: &Path, shown: &mut [Shown]) -> Result<()> {
     })
 }
 
-/// Pictures of the first rows whose faces are at hand and whose results are weights.
+/// Draws pictures of the first rows whose faces are still in memory and whose results are weights
+/// in a .csv file.
 fn add_pictures(rows: &[Row], faces: &Faces, shown: &mut [Shown]) {
     let shown_names: HashSet<&str> = shown
         .iter()
@@ -237,7 +239,7 @@ fn add_pictures(rows: &[Row], faces: &Faces, shown: &mut [Shown]) {
         let gap = gap.and_then(|shown| shown.entry.gap.as_ref());
         let values = gap.map_or(&[][..], |gap| &gap.values);
         let frames = telling_frames(values);
-        // A result that somebody has changed since has no pictures.
+        // A result that can no longer be read as weights has no pictures.
         let drawn = row.outputs.first().map(|out| weights_of(out, &frames));
         let Some(Ok(drawn)) = drawn else { continue };
         let drawn = drawn
@@ -250,7 +252,8 @@ fn add_pictures(rows: &[Row], faces: &Faces, shown: &mut [Shown]) {
     }
 }
 
-/// The frames with the widest gap, after its fastest change, and in the middle, in their order.
+/// The frames with the widest gap, just after its fastest change, and in the middle, in ascending
+/// order.
 fn telling_frames(gap: &[f32]) -> Vec<usize> {
     let widest = (0..gap.len()).max_by(|a, b| gap[*a].total_cmp(&gap[*b]));
     let change = |t: &usize| (gap[*t] - gap[*t - 1]).abs();
@@ -265,7 +268,7 @@ fn telling_frames(gap: &[f32]) -> Vec<usize> {
     frames
 }
 
-/// Weights of some frames, by name, of a file that the batch has written.
+/// Reads the weights of some frames, with their names, from a .csv file that the batch has written.
 fn weights_of(out: &Path, frames: &[usize]) -> Result<Vec<Vec<(String, f32)>>> {
     let wrong = || Error::InvalidInput(format!("{}: expected weights", out.display()));
     let is_table = |path: &PathBuf| {

@@ -1,7 +1,7 @@
 //! The rows of a batch: a table whose columns are options of the command.
 //!
-//! Each row becomes the words of a command line, and the same parsers read it. So a row takes what the command takes, and
-//! has the same errors.
+//! Each row becomes the words of a command line, and the same parsers read it. So a row takes the
+//! same options as the command, and has the same errors.
 
 use std::{
     any::TypeId,
@@ -25,20 +25,20 @@ use crate::{
     scene::sound_copy,
 };
 
-/// The one column that is no option.
+/// The one column that is not an option.
 const NAME: &str = "name";
-/// A column that begins so holds notes.
+/// A column whose name begins with this holds notes.
 const NOTE: char = '#';
 const LONGEST_NAME: usize = 200;
 
 /// An option and the text of its value.
 type Word = (String, String);
 
-/// Options of the command line. A row has them unless it sets them itself.
+/// Options of the command line. They apply to each row that does not set them itself.
 pub struct Defaults(Vec<Word>);
 
 impl Defaults {
-    /// The options as a command line has them: `--name=value`, or `--name` for one without a value.
+    /// The options as words of a command line: `--name=value`, or `--name` for one without a value.
     pub fn words(&self) -> Vec<String> {
         let command = Line::command();
         let is_flag = |long: &str| {
@@ -90,7 +90,7 @@ impl FromArgMatches for Defaults {
             for value in raw.flatten() {
                 let is_path = is_path(arg);
                 let value = match is_path {
-                    // Paths of the command line start at the folder in which it is typed.
+                    // Relative paths on the command line start at the current folder.
                     true => std::path::absolute(value).unwrap_or_else(|_| value.into()),
                     false => value.into(),
                 };
@@ -120,40 +120,41 @@ fn is_output(arg: &clap::Arg) -> bool {
 
 /// A row of the table.
 pub struct Row {
-    /// 1 is the first below the header.
+    /// Row 1 is the first one below the header.
     pub number: usize,
     pub name: String,
-    /// The options as table and command line spell them, so that they are the same on every machine.
+    /// The options as the table and the command line spell them, which is the same on every
+    /// machine.
     pub words: Vec<Word>,
     /// The line, or why there is none.
     pub line: Result<Line>,
-    /// Files that it reads, as they are opened here.
+    /// Files that the row reads, with the paths that this machine opens.
     pub inputs: Vec<PathBuf>,
-    /// Files that it writes, the result first.
+    /// Files that the row writes, the result first.
     pub outputs: Vec<PathBuf>,
-    /// Options of face and models. Rows with the same text share a face.
+    /// The options of the face and the models as one text. Rows with the same text share a face.
     pub face: String,
 }
 
-/// Reads rows.
+/// Reads the rows of one table.
 struct Reader<'a> {
     command: Command,
-    /// The options of [`options_of_face`].
+    /// Names of the options that choose the face, from [`options_of_face`].
     of_face: HashSet<String>,
     defaults: &'a [Word],
     maps: &'a [PathMap],
     folder: PathBuf,
     /// The option of each column; `None` for the name and notes.
     columns: Vec<Option<String>>,
-    /// Where the name stands.
+    /// Index of the name column.
     name: Option<usize>,
 }
 
-/// All rows of a table.
+/// Reads all rows of a table.
 ///
 /// # Errors
-/// `Io` if the table cannot be read, `InvalidInput` if its header is not that of a batch. An error of one row is in
-/// [`Row::line`].
+/// `Io` if the table cannot be read, `InvalidInput` if its header is not that of a batch. An error
+/// in one row is kept in [`Row::line`].
 pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Row>> {
     let bytes = read_file(path, InputKind::Numbers)?;
     let wrong = |message: String| Error::InvalidInput(format!("{}: {message}", path.display()));
@@ -205,8 +206,8 @@ pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Ro
     Ok(rows)
 }
 
-/// The options of the command line, with paths below the folder of the table made relative to it. So a row is the same on
-/// machines that have the folder elsewhere.
+/// The options of the command line, with paths below the table's folder made relative to it. So a
+/// row stays the same on machines that have the folder in another place.
 fn beside(words: &[Word], folder: &Path) -> Vec<Word> {
     let words = words.iter().map(|(long, value)| {
         let inside = Path::new(value).strip_prefix(folder);
@@ -224,7 +225,7 @@ fn options_of_face() -> HashSet<String> {
     options.chain(["mesh"]).map(str::to_owned).collect()
 }
 
-/// A column's name as an option has it.
+/// Spells the name of a column like that of an option.
 fn option(column: &str) -> String {
     column.trim().to_ascii_lowercase().replace('_', "-")
 }
@@ -365,7 +366,8 @@ impl Reader<'_> {
         })
     }
 
-    /// The options of the command line that hold for a row: those that `row_words` neither sets nor excludes.
+    /// The options of the command line that apply to a row. `row_words` neither set these nor
+    /// conflict with them.
     fn defaults_beside(&self, row_words: &[Word]) -> Vec<Word> {
         let arg = |long: &str| {
             let mut args = self.command.get_arguments();
@@ -416,7 +418,7 @@ fn is_yes(value: &str) -> std::result::Result<bool, String> {
     }
 }
 
-/// An error of the parser in one line.
+/// An error of the parser as one line of text.
 fn plain(error: &clap::Error) -> String {
     let text = error.render().to_string();
     let lines = text.lines().map(str::trim);
@@ -429,8 +431,8 @@ fn plain(error: &clap::Error) -> String {
         .to_owned()
 }
 
-/// Refuses rows that write what another row writes or reads, and rows that share a name. Rows run at once and in any order,
-/// so the result of such a pair would depend on chance.
+/// Refuses rows that write what another row writes or reads, and rows that share a name. Rows run
+/// in parallel and in any order, so the result of such a pair would depend on chance.
 fn refuse_clashes(rows: &mut [Row], table: &Path) {
     let mut names: HashMap<String, Vec<usize>> = HashMap::new();
     let mut written: HashMap<Place, Vec<usize>> = HashMap::new();
@@ -475,7 +477,7 @@ fn refuse_clashes(rows: &mut [Row], table: &Path) {
     }
     for (at, message) in clashes {
         let row = &mut rows[at];
-        // Its report needs a name of its own.
+        // Each entry in the history needs a name of its own.
         if names
             .get(&row.name)
             .is_some_and(|numbers| numbers.len() > 1)

@@ -1,4 +1,4 @@
-//! One line of a batch: its sound, its motion, its file.
+//! Does one line of a batch: reads its sound, makes the motion and writes the file.
 
 use anyface::{
     Performance, Result,
@@ -93,7 +93,7 @@ fn check_memory(
     )
 }
 
-/// Writes the result. Returns the gap between the lips that it shows.
+/// Writes the result. Returns the gap between the lips in it.
 fn write(
     line: &Line,
     ready: &Ready,
@@ -140,7 +140,7 @@ fn write(
 
 fn done(report: Report, mut gap: Gap, waveform: &Waveform) -> Done {
     let lips = LipMotion::of(&gap, waveform);
-    // A tenth of a millimetre is enough to draw.
+    // The page draws the curve, for which a tenth of a millimetre is enough.
     gap.values
         .iter_mut()
         .for_each(|mm| *mm = (10.0 * *mm).round() / 10.0);
@@ -157,7 +157,7 @@ fn note_landmarks(report: &mut Report, landmarks: &LandmarkClip, articulation: f
     report.note_motion(&extent, 1.0, articulation);
 }
 
-/// The gap between the inner lips of the mean face.
+/// The gap between the inner lips on the mean face.
 fn gap_of(landmarks: &LandmarkClip) -> Gap {
     let of_frame = |frame: ndarray::ArrayView2<'_, f32>| {
         let gaps = INNER_LIPS.map(|(upper, lower)| frame[[upper, 1]] - frame[[lower, 1]]);

@@ -8,7 +8,7 @@ use std::{
 
 use anyface::{Error, Result};
 
-/// A name or number of a machine, and a port.
+/// The name or IP address of a machine, and a port.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Address {
     host: String,
@@ -51,7 +51,7 @@ impl Address {
     /// Looks up the machine's address. `option` is the option that named it, for the error.
     ///
     /// # Errors
-    /// `InvalidInput` for a name that nobody knows.
+    /// `InvalidInput` if the name cannot be resolved.
     pub fn find(&self, option: &str) -> Result<SocketAddr> {
         let addresses = (self.host.as_str(), self.port).to_socket_addrs();
         let first = addresses.map(|mut all| all.next());

@@ -1,16 +1,17 @@
-//! One instant of a face, as every target receives it, and what follows from its weights.
+//! One frame of a face, as every target receives it, and the angles that follow from its weights.
 
 use anyface::rig::{ARKIT, VISEMES};
 
-/// Turn of an eye in radians where one of ARKit's eyeLook shapes is 1; about 30° in faces that ARKit tracks.
+/// Turn of an eye in radians when one of ARKit's eyeLook shapes has weight 1. About 30° in faces that ARKit
+/// tracks.
 const LOOK_RAD: f32 = std::f32::consts::FRAC_PI_6;
 
 /// The face at one instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Number of the frame at the rate at which frames go out.
+    /// Number of the frame, counted at the outgoing rate.
     pub number: u32,
-    /// Seconds of sound before it.
+    /// Time of the frame in the sound, in seconds.
     pub time_s: f64,
     /// Weights of [`ARKIT`], 0 to 1.
     pub shapes: [f32; 52],
@@ -18,7 +19,7 @@ pub struct Frame {
     pub visemes: [f32; 15],
     /// Rotation vector in radians: about x nods down, about y turns to the face's left, about z tilts to its right.
     pub head: [f32; 3],
-    /// What the face is asked to feel.
+    /// Emotion of the frame, as VRM's feelings.
     pub feelings: Feelings,
 }
 
@@ -32,7 +33,8 @@ pub struct Feelings {
     pub surprised: f32,
 }
 
-/// Angles of the head or of an eye as Unreal has them, radians: yaw to the face's right, pitch up, roll to its right.
+/// Angles of the head or of an eye in radians, by Unreal's convention: yaw to the face's right, pitch up,
+/// roll to its right.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Angles {
     pub yaw: f32,
@@ -41,23 +43,23 @@ pub struct Angles {
 }
 
 impl Frame {
-    /// Weight of the shape of that name, one of [`ARKIT`].
+    /// Weight of the shape of this name, one of [`ARKIT`].
     pub fn shape(&self, name: &str) -> f32 {
         let place = ARKIT.iter().position(|known| *known == name);
         self.shapes[place.expect("a name of ARKit")]
     }
 
-    /// Weight of the viseme of that name, one of [`VISEMES`].
+    /// Weight of the viseme of this name, one of [`VISEMES`].
     pub fn viseme(&self, name: &str) -> f32 {
         let place = VISEMES.iter().position(|known| *known == name);
         self.visemes[place.expect("a name of the visemes")]
     }
 
-    /// Rotation of the head as x, y, z, w, axes as those of [`Frame::head`].
+    /// Rotation of the head as a quaternion x, y, z, w, with the axes of [`Frame::head`].
     pub fn head_quaternion(&self) -> [f32; 4] {
         let [x, y, z] = self.head;
         let angle = (x * x + y * y + z * z).sqrt();
-        // sin(a / 2) / a, whose limit at rest is a half.
+        // sin(a / 2) / a. Its limit at rest is a half.
         let share = match angle > 1e-6 {
             true => (0.5 * angle).sin() / angle,
             false => 0.5,
@@ -68,7 +70,7 @@ impl Frame {
     /// Angles of the head: rolled first, then pitched, then turned.
     pub fn head_angles(&self) -> Angles {
         let [x, y, z, w] = self.head_quaternion();
-        // Where the nose points to, and how high the left ear and the top of the head stand.
+        // The direction of the nose, and the heights of the left ear and of the top of the head.
         let nose = [
             2.0 * (x * z + w * y),
             2.0 * (y * z - w * x),
@@ -82,7 +84,7 @@ impl Frame {
         }
     }
 
-    /// Angles of the left and the right eye against the head.
+    /// Angles of the left and the right eye relative to the head.
     pub fn eye_angles(&self) -> [Angles; 2] {
         let look = |way: &str, side: &str| self.shape(&format!("eyeLook{way}{side}"));
         let eye = |right: &str, left: &str, side: &str| Angles {
@@ -94,7 +96,7 @@ impl Frame {
     }
 }
 
-/// `JawOpen` of `jawOpen`.
+/// Capitalises the first letter: `jawOpen` becomes `JawOpen`.
 pub fn capital(name: &str) -> String {
     let mut letters = name.chars();
     let first = letters.next().map(|c| c.to_ascii_uppercase());
@@ -103,7 +105,7 @@ pub fn capital(name: &str) -> String {
 
 #[cfg(test)]
 impl Frame {
-    /// The third frame of 25 per second, at rest.
+    /// Frame 3 at 25 frames per second, at rest.
     pub fn at_rest() -> Frame {
         Frame {
             number: 3,
@@ -115,7 +117,7 @@ impl Frame {
         }
     }
 
-    /// The same with weights of these shapes and visemes.
+    /// Sets the weights of these shapes and visemes.
     pub fn with(mut self, weights: &[(&str, f32)]) -> Frame {
         for (name, weight) in weights {
             let shape = ARKIT.iter().position(|known| known == name);

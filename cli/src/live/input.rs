@@ -1,4 +1,5 @@
-//! Where the sound comes from: a file that is played by a clock, raw samples on standard input, or a microphone.
+//! The source of the sound: a file played at the speed of a clock, raw samples on standard input, or a
+//! microphone.
 
 use std::{
     io::{self, IsTerminal, Read},
@@ -11,13 +12,13 @@ use anyface::{Error, Result, audio::SAMPLE_RATE_HZ};
 
 use super::sound_devices::Microphone;
 
-/// Samples that a file hands over at a time, 20 ms.
+/// Samples that a file returns at a time: 20 ms.
 const BLOCK: usize = 320;
-/// Most bytes that are read from standard input at a time.
+/// The most bytes that are read from standard input at a time.
 const BYTES: usize = 2 * BLOCK;
 /// Blocks that may queue before the writer of standard input has to wait.
 const WAITING: usize = 16;
-/// First bytes of sound files, which are no raw samples.
+/// First bytes of sound files. These are refused where raw samples are expected.
 const OF_FILES: [&[u8]; 4] = [b"RIFF", b"OggS", b"fLaC", b"ID3"];
 
 /// What [`Input::next`] returns.
@@ -27,25 +28,25 @@ pub enum Heard {
     Samples(Vec<f32>),
     /// Nothing yet.
     Nothing,
-    /// The device has gone or come back, in words.
+    /// The device was lost or is back, as a sentence for the user.
     Change(String),
-    /// No more comes.
+    /// The sound is over.
     End,
 }
 
 /// A sound in progress.
 pub enum Input {
-    /// The samples of a file, the index of the next one to hand over, and when the first was handed over. The time is
-    /// `None` if the file plays without a clock.
+    /// The samples of a file, the index of the next one to return, and the time at which playback began.
+    /// The time is `None` if the file plays without a clock.
     File(Vec<f32>, usize, Option<Instant>),
-    /// What a thread reads.
+    /// Samples that a thread reads from standard input.
     Pipe(Receiver<Result<Vec<f32>>>),
-    /// A microphone, and whether it is gone.
+    /// A microphone, and whether it was lost.
     Microphone(Microphone, bool),
 }
 
 impl Input {
-    /// `samples`, mono, 16 kHz, at the speed of a clock, or with `is_fast` without waiting.
+    /// Plays `samples`, mono, 16 kHz, at the speed of a clock, or without waiting if `is_fast`.
     pub fn of_samples(samples: Vec<f32>, is_fast: bool) -> Input {
         Input::File(samples, 0, (!is_fast).then(Instant::now))
     }
@@ -53,7 +54,7 @@ impl Input {
     /// Standard input: 16-bit little-endian samples, mono, 16 kHz.
     ///
     /// # Errors
-    /// `InvalidInput` where standard input is a terminal.
+    /// `InvalidInput` if standard input is a terminal.
     pub fn of_standard_input() -> Result<Input> {
         if io::stdin().is_terminal() {
             return Err(Error::InvalidInput(
@@ -67,15 +68,15 @@ impl Input {
         Ok(Input::Pipe(receiver))
     }
 
-    /// A microphone, which ends with the program.
+    /// A microphone. It never reports an end.
     pub fn of_microphone(microphone: Microphone) -> Input {
         Input::Microphone(microphone, false)
     }
 
-    /// Waits up to `patience` for sound and returns what has come.
+    /// Waits up to `patience` for sound and returns what arrived.
     ///
     /// # Errors
-    /// `Io` where standard input cannot be read, `Audio` where it holds no raw samples.
+    /// `Io` if standard input cannot be read, `Audio` if it holds a sound file instead of raw samples.
     pub fn next(&mut self, patience: Duration) -> Result<Heard> {
         match self {
             Input::File(samples, next, began) => {
@@ -145,7 +146,7 @@ fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
             return;
         }
         is_first = false;
-        // Half a sample waits for its other half.
+        // Keep half a sample until its other half arrives.
         let whole = count - count % 2;
         let pairs = bytes[..whole].chunks_exact(2);
         let samples =
@@ -163,7 +164,7 @@ fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
 mod tests {
     use super::*;
 
-    /// Hands over its bytes in pieces of these sizes.
+    /// A reader that returns one of these pieces at each call.
     struct Pieces(Vec<Vec<u8>>);
 
     impl Read for Pieces {

@@ -1,19 +1,20 @@
 //! Packets of Epic's app Live Link Face, version 6, as Unreal Engine reads them on UDP port 11111.
 //!
-//! Version (one byte), device and subject (length and UTF-8 each), frame, share of a frame, rate as numerator and
-//! denominator, number of values (one byte), values; all big-endian. The layout is that of the package
-//! `PyLiveLinkFace`, which was checked against the app; what stands where is Unreal's `EARFaceBlendShape`.
+//! A packet holds the version (one byte), device and subject (length and UTF-8 each), frame, fraction of a
+//! frame, rate as numerator and denominator, number of values (one byte), and values, all big-endian. The
+//! layout is that of the package `PyLiveLinkFace`, which was checked against the app. The order of the
+//! values is Unreal's `EARFaceBlendShape`.
 
 use super::frame::{Angles, Frame};
 use anyface::rig::ARKIT;
 
 const VERSION: u8 = 6;
-/// 36 letters like those of a phone; some readers count on that.
+/// 36 characters like the device ID of a phone. Some readers rely on that length.
 const DEVICE: &str = "616E7966-6163-6500-0000-000000000001";
 const VALUES: usize = ARKIT.len() + 9;
 
-/// The shapes in the order of the packet. Tables that the app writes have left and right the other way round for
-/// the jaw and the mouth.
+/// The shapes in the order of the packet. For the jaw and the mouth, the tables that the app writes list
+/// left and right the other way round.
 fn in_order() -> [&'static str; 52] {
     let swapped = |name| match name {
         "jawRight" => "jawLeft",
@@ -25,7 +26,7 @@ fn in_order() -> [&'static str; 52] {
     ARKIT.map(swapped)
 }
 
-/// The packet of a frame at `fps` frames per second, for the subject of that name.
+/// The packet of a frame at `fps` frames per second, for the face named `subject`.
 pub fn packet(frame: &Frame, subject: &str, fps: f64) -> Vec<u8> {
     let mut bytes = vec![VERSION];
     for text in [DEVICE, subject] {
@@ -48,7 +49,7 @@ pub fn packet(frame: &Frame, subject: &str, fps: f64) -> Vec<u8> {
     bytes
 }
 
-/// Frames per second as a fraction, to a thousandth.
+/// Frames per second as a fraction, rounded to a thousandth.
 fn rate(fps: f64) -> (u32, u32) {
     match fps.fract() == 0.0 {
         true => (fps as u32, 1),

@@ -1,4 +1,6 @@
-//! A level meter and a face of letters in the terminal: whether sound comes in, and what it does.
+//! A level meter and a face of characters in the terminal.
+//!
+//! They show whether sound arrives and how the face moves.
 
 use std::io::{self, IsTerminal, Write};
 
@@ -6,27 +8,29 @@ use anyface::rig::ARKIT;
 
 use super::frame::Frame;
 
-/// Frames from one picture to the next.
+/// One in this many frames is drawn.
 const EVERY: u32 = 2;
-/// Bars of the meter, and the level below which it is empty, dB of full scale.
+/// Bars of the meter.
 const BARS: usize = 20;
+/// Level below which the meter is empty, in dB of full scale.
 const QUIETEST_DB: f32 = -60.0;
-/// Share of the level that stays from one block of sound to the next.
+/// Share of the peak that remains after another block of sound.
 const FALL: f32 = 0.8;
-/// Eyes are drawn shut from this weight on, a smile from this.
+/// Weight above which an eye is drawn shut.
 const SHUT: f32 = 0.5;
+/// Weight above which a smile is drawn.
 const SMILE: f32 = 0.3;
 
-/// One line on standard error that is written again and again.
+/// A line on standard error that is redrawn in place.
 pub struct Meter {
     is_shown: bool,
     is_drawn: bool,
-    /// Peak of the sound, falling.
+    /// Peak of the sound, which decays with each block.
     peak: f32,
     places: Places,
 }
 
-/// Numbers of shapes.
+/// Indices of shapes in `ARKIT`.
 struct Places {
     jaw: usize,
     pucker: usize,
@@ -35,7 +39,7 @@ struct Places {
 }
 
 impl Meter {
-    /// Shown on a terminal only, and not beside JSON.
+    /// A meter that is shown only on a terminal, and never with JSON output.
     pub fn new(is_json: bool) -> Meter {
         let place = |name: &str| {
             let place = ARKIT.iter().position(|known| *known == name);
@@ -54,7 +58,7 @@ impl Meter {
         }
     }
 
-    /// Hears samples.
+    /// Updates the peak with new samples.
     pub fn hear(&mut self, samples: &[f32]) {
         let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
         self.peak = peak.max(FALL * self.peak);
@@ -72,7 +76,7 @@ impl Meter {
         }
     }
 
-    /// Takes the line away.
+    /// Erases the line.
     pub fn clear(&mut self) {
         if std::mem::take(&mut self.is_drawn) {
             self.write("\r\x1b[K");
@@ -81,7 +85,7 @@ impl Meter {
 
     fn write(&self, text: &str) {
         let mut err = io::stderr().lock();
-        // Nobody is left to hear that this fails.
+        // If this fails, there is nowhere to report it.
         let _ = err.write_all(text.as_bytes()).and_then(|()| err.flush());
     }
 
@@ -101,7 +105,7 @@ impl Meter {
     }
 }
 
-/// A meter of that peak, 0 to 1.
+/// The meter for a peak of 0 to 1.
 fn bars(peak: f32) -> String {
     let level_db = 20.0 * peak.max(1e-6).log10();
     let share = (1.0 - level_db / QUIETEST_DB).clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! `anyface live`: sound in, the face out to other programs while it goes on.
+//! `anyface live`: sends the face to other programs while the sound arrives.
 
 mod address;
 mod frame;
@@ -44,7 +44,7 @@ use pace::{Pace, Paced, Weights};
 use sound_devices::{DeviceArgs, Monitor, print_devices};
 use targets::{TargetArgs, Targets};
 
-/// Longest time between two looks at sound and signals.
+/// The longest wait before sound and signals are checked again.
 const PATIENCE: Duration = Duration::from_millis(20);
 
 /// Send a speaking face to other programs: avatars (VMC), Unreal Engine (Live Link), OSC, WebSocket or lines of JSON
@@ -58,17 +58,18 @@ pub struct Live {
     /// Play a file as fast as the computer can, not at playback speed
     #[arg(long, requires = "input")]
     fast: bool,
-    /// Let any sound move the face, also singing, music and noise. Otherwise the face rests where nobody speaks
+    /// Let any sound move the face, including singing, music and noise. Otherwise the face rests while
+    /// nobody speaks
     #[arg(long)]
     any_sound: bool,
-    /// Most seconds of sound that a frame waits for: 0.19, 0.07 or 0 with freetalk. With less the face is earlier, but less
-    /// accurate
+    /// The most seconds of later sound that a frame waits for: 0.19, 0.07 or 0 with freetalk. A shorter
+    /// wait shows the face sooner, but less accurately
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     look_ahead: Option<f64>,
     #[command(flatten)]
     devices: DeviceArgs,
-    /// Frames per second. Another rate than that of the stream is interpolated and comes one frame of the stream later
-    /// [default: the stream's 25]
+    /// Frames per second. Any rate other than the stream's is interpolated, which delays the face by one
+    /// frame of the stream [default: the stream's 25]
     #[arg(long)]
     fps: Option<f64>,
     #[command(flatten)]
@@ -84,7 +85,7 @@ impl Live {
         if self.devices.are_to_be_listed() {
             return print_devices(console);
         }
-        // What is cheap to check comes before what takes time.
+        // Cheap checks come before slow work.
         self.targets.check(shared.json)?;
         self.fps.map_or(Ok(()), check_fps)?;
         let emotion = self.emotion.curve(false, shared.weights())?;
@@ -140,7 +141,7 @@ impl Live {
         result
     }
 
-    /// Samples of the file `input`.
+    /// Reads the samples of the file `input`.
     fn read(&self, input: &InputPath, console: &Console) -> Result<Vec<f32>> {
         let progress = &|p| console.progress(p);
         let mut report = new_report();
@@ -154,10 +155,10 @@ fn is_pipe(input: &InputPath) -> bool {
     AsRef::<Path>::as_ref(input) == Path::new("-")
 }
 
-/// A performance while it goes on.
+/// A live performance in progress.
 struct Show<'a> {
     stream: WeightStream,
-    /// Number of the stream's next frame.
+    /// Index of the stream's next frame.
     next: usize,
     emotion: EmotionCurve,
     /// Emotion of the newest frame.
@@ -167,7 +168,7 @@ struct Show<'a> {
     waiting: VecDeque<Paced>,
     is_fast: bool,
     targets: Targets,
-    /// Plays the sound as late as the face.
+    /// Plays the sound with a delay that matches the face, or with that of `--delay`.
     monitor: Option<Monitor>,
     meter: Meter,
     console: &'a Console,
@@ -234,7 +235,7 @@ impl Show<'_> {
         }
     }
 
-    /// Sends the frames whose time has come.
+    /// Sends the frames that are due.
     fn send_due(&mut self) -> Result<()> {
         let now = Instant::now();
         while let Some(paced) = self.waiting.front().copied() {
@@ -263,7 +264,7 @@ impl Show<'_> {
     }
 }
 
-/// The five feelings of VRM for an emotion, each 0 to 1.
+/// Converts an emotion into the five feelings of VRM, each 0 to 1.
 fn feelings(emotion: &Emotion) -> Feelings {
     let of = |names: &[&str]| {
         let all = EMOTIONS.iter().zip(emotion.mixture);

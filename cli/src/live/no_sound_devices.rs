@@ -1,4 +1,4 @@
-//! A command that was built without sound devices: files and standard input alone.
+//! Stands in for sound devices in a command built without them, which reads only files and standard input.
 
 use std::time::Duration;
 
@@ -7,17 +7,17 @@ use clap::Args;
 
 use crate::console::Console;
 
-/// No flags.
+/// No options.
 #[derive(Args)]
 pub struct DeviceArgs {}
 
-/// There is none.
+/// Never exists in this build.
 pub enum Microphone {}
 
-/// There is none.
+/// Never exists in this build.
 pub enum Monitor {}
 
-/// What would have come of a microphone.
+/// Samples as a microphone would return them.
 pub struct Block {
     pub samples: Vec<f32>,
     pub is_lost: bool,
@@ -29,7 +29,7 @@ impl DeviceArgs {
     }
 
     /// # Errors
-    /// `InvalidInput`: there is no microphone.
+    /// Always `InvalidInput`, because there is no microphone.
     pub fn open(&self, _: &Console) -> Result<Microphone> {
         Err(Error::InvalidInput(
             "live: expected --input, since this command was built without microphones (the feature `microphone`)".into(),

@@ -1,4 +1,4 @@
-//! Bundles of OSC: plain paths, and messages of the VMC protocol for avatars.
+//! OSC bundles: plain paths, and messages of the VMC protocol for avatars.
 
 use anyface::rig::{ARKIT, VISEMES};
 use clap::ValueEnum;
@@ -9,15 +9,15 @@ use super::frame::{Frame, capital};
 /// Which expressions an avatar receives.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 pub enum VmcNames {
-    /// The 52 of Perfect Sync, and those of VRM 0 and 1
+    /// The 52 expressions of Perfect Sync and those of VRM 0 and 1
     All,
-    /// The 52 of Perfect Sync alone: an avatar that also has those of VRM would move twice
+    /// Only the 52 expressions of Perfect Sync. An avatar that has both kinds would otherwise move twice
     PerfectSync,
-    /// Those of VRM 0 and 1 alone
+    /// Only the expressions of VRM 0 and 1
     Vrm,
 }
 
-/// A datagram whose messages all belong to the instant at which it arrives.
+/// A bundle of messages that takes effect as soon as it arrives.
 fn bundle(messages: Vec<OscMessage>) -> Vec<u8> {
     let bundle = OscBundle {
         timetag: OscTime {
@@ -52,10 +52,10 @@ pub fn plain(frame: &Frame) -> Vec<u8> {
     bundle(messages)
 }
 
-/// A frame in the VMC protocol: that a face is there, the time, expressions by name, and the bone of the head.
+/// A frame in the VMC protocol: status (a face is there), time, expressions by name, and the head bone.
 ///
-/// The protocol has Unity's axes: x to the face's right, y up, z out of the face, left-handed. Only the receiver
-/// knows where the bone rests, so its place is sent as zero.
+/// The protocol uses Unity's axes: x to the face's right, y up, z out of the face, left-handed. Only the
+/// receiver knows the rest position of the bone, so the position is sent as zero.
 pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
     let mut messages = vec![
         message("/VMC/Ext/OK", vec![OscType::Int(1)]),
@@ -86,8 +86,8 @@ pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
 
 /// Expressions by their names in VRM 0 and VRM 1.
 ///
-/// An avatar adds up what it receives. So `Blink` is as far as both eyes close, and `Blink_L` and `Blink_R` are how
-/// much further each eye closes.
+/// An avatar adds up the weights that it receives. So `Blink` is the amount by which both eyes close, and
+/// `Blink_L` and `Blink_R` are how much further each eye closes.
 fn expressions(frame: &Frame) -> [(&'static str, &'static str, f32); 13] {
     let [left, right] = ["eyeBlinkLeft", "eyeBlinkRight"].map(|name| frame.shape(name));
     let both = left.min(right);
@@ -127,7 +127,7 @@ mod tests {
         bundle.content.into_iter().map(message).collect()
     }
 
-    /// The weight of that name, if the messages have it exactly once.
+    /// The weight of this name, if the messages contain it exactly once.
     fn weight(messages: &[OscMessage], name: &str) -> Option<f32> {
         let name = OscType::String(name.into());
         let mut matches = messages.iter().filter(|m| m.args.first() == Some(&name));

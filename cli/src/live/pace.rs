@@ -1,8 +1,8 @@
-//! Frames at the rate at which they go out, and when each is due.
+//! Converts frames to the outgoing rate and says when each is due.
 
 use std::time::{Duration, Instant};
 
-/// What is interpolated.
+/// The weights and head rotation of a frame, which are interpolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
     pub shapes: [f32; 52],
@@ -10,22 +10,23 @@ pub struct Weights {
     pub head: [f32; 3],
 }
 
-/// Weights at an instant of the sound, and when they go out.
+/// An outgoing frame and the time at which it is due.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Paced {
-    /// Number at the outgoing rate.
+    /// Number of the frame, counted at the outgoing rate.
     pub number: u32,
-    /// Seconds of sound before it.
+    /// Time of the frame in the sound, in seconds.
     pub time_s: f64,
     pub weights: Weights,
-    /// When it goes out.
+    /// When the frame goes out.
     pub due: Instant,
 }
 
-/// Turns frames of a stream into those of another rate, linear in between.
+/// Converts the frames of a stream to another rate by linear interpolation.
 ///
-/// What lies between two frames goes out after the second has come, as late as it lies behind the first: one frame of
-/// the stream later than without interpolation. Clocks of sound cards differ from ours; nothing adds up here.
+/// A frame between two frames of the stream goes out after the second has arrived, delayed by its distance
+/// from the first. That is one frame of the stream later than without interpolation. The clocks of sound
+/// cards differ from ours, but no drift builds up, because every delay counts from the arrival of a frame.
 pub struct Pace {
     stream_fps: f64,
     fps: f64,
@@ -33,11 +34,11 @@ pub struct Pace {
     next: u32,
 }
 
-/// Frames at this share of one another are the same: their times come from different divisions.
+/// Times within this share of a frame are equal: they come from different divisions and round differently.
 const SAME: f64 = 1e-6;
 
 impl Pace {
-    /// From `stream_fps` to `fps` frames per second.
+    /// Converts from `stream_fps` to `fps` frames per second.
     pub fn new(stream_fps: f64, fps: f64) -> Pace {
         Pace {
             stream_fps,
@@ -47,7 +48,7 @@ impl Pace {
         }
     }
 
-    /// The frames up to the stream's frame `index`, which has come at `now`.
+    /// Returns the outgoing frames up to the stream's frame `index`, which arrived at `now`.
     pub fn take(&mut self, index: usize, weights: Weights, now: Instant) -> Vec<Paced> {
         let time_s = index as f64 / self.stream_fps;
         let (from_s, before) = self

@@ -1,4 +1,4 @@
-//! The sound devices of this machine: microphones, and loudspeakers that play what the face follows.
+//! The sound devices of this machine: microphones, and loudspeakers that play the sound the face follows.
 
 use anyface::{Error, Result};
 use anyface_microphone::devices;
@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::console::Console;
 
-/// The longest delay of what is played, seconds.
+/// The longest delay of the played sound, in seconds.
 const LONGEST_DELAY_S: f64 = 5.0;
 
 /// Which sound devices are used.
@@ -22,21 +22,21 @@ pub struct DeviceArgs {
     /// Play the sound on the system's loudspeakers, as late as the face, so that lips and voice fit
     #[arg(long, conflicts_with = "fast")]
     monitor: bool,
-    /// Play it so many seconds after it came instead
+    /// Play the sound this many seconds late instead
     #[arg(long, value_name = "SECONDS", requires = "monitor")]
     delay: Option<f64>,
 }
 
 impl DeviceArgs {
-    /// Whether a list is all that is wanted.
+    /// Whether the user only wants a list of the microphones.
     pub fn are_to_be_listed(&self) -> bool {
         self.devices
     }
 
-    /// Opens the microphone and says which it is.
+    /// Opens the microphone and tells the user its name.
     ///
     /// # Errors
-    /// `Audio` where it cannot be recorded.
+    /// `Audio` if it cannot be opened for recording.
     pub fn open(&self, console: &Console) -> Result<Microphone> {
         let opened = Microphone::open(self.microphone.as_deref());
         let microphone = opened.map_err(|e| Error::Audio(e.to_string()))?;
@@ -44,10 +44,10 @@ impl DeviceArgs {
         Ok(microphone)
     }
 
-    /// Opens the loudspeakers, where that is wanted; the face is `lag_s` seconds late.
+    /// Opens the loudspeakers if `--monitor` asks for them. The face is `lag_s` seconds late.
     ///
     /// # Errors
-    /// `InvalidInput` for a delay out of range, `Audio` where nothing can be played.
+    /// `InvalidInput` for a delay out of range, `Audio` if nothing can be played.
     pub fn monitor(&self, lag_s: f64, console: &Console) -> Result<Option<Monitor>> {
         if !self.monitor {
             return Ok(None);
@@ -68,10 +68,10 @@ impl DeviceArgs {
     }
 }
 
-/// Prints the names of the microphones, or that there is none.
+/// Prints the names of the microphones.
 ///
 /// # Errors
-/// `Audio` where there is none, `Io` if standard output cannot be written to.
+/// `Audio` if there is none, `Io` if standard output cannot be written to.
 pub fn print_devices(console: &Console) -> Result<()> {
     let names = devices();
     if names.is_empty() {

@@ -1,4 +1,4 @@
-//! All that frames go to.
+//! The targets that frames are sent to.
 
 use anyface::{
     Error, Result,
@@ -20,7 +20,7 @@ use crate::console::Console;
 /// Where frames are sent.
 #[derive(Args)]
 pub struct TargetArgs {
-    /// To avatars by the VMC protocol, such as VSeeFace, Warudo, VMC, VNyan [default: 127.0.0.1:39539]
+    /// Send to avatars by the VMC protocol, as in VSeeFace, Warudo, VMC or VNyan [default: 127.0.0.1:39539]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:39539")]
     vmc: Option<Address>,
     /// Which expressions avatars get: those of Perfect Sync (ARKit's), those of VRM, or all
@@ -32,7 +32,7 @@ pub struct TargetArgs {
         requires = "vmc"
     )]
     vmc_names: VmcNames,
-    /// To Unreal Engine and others, as the app Live Link Face sends [default: 127.0.0.1:11111]
+    /// Send to Unreal Engine and others, in the format of the app Live Link Face [default: 127.0.0.1:11111]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:11111")]
     live_link: Option<Address>,
     /// Name of the face in Live Link
@@ -43,19 +43,19 @@ pub struct TargetArgs {
         requires = "live_link"
     )]
     subject: String,
-    /// Plain OSC: /anyface/jawOpen and so on, /anyface/viseme_aa and so on, /anyface/head
+    /// Send plain OSC: /anyface/jawOpen and so on, /anyface/viseme_aa and so on, /anyface/head
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<Address>,
-    /// Lines of JSON for clients that connect by WebSocket, such as a web page [default: 127.0.0.1:8765]
+    /// Send lines of JSON to clients that connect by WebSocket, such as a web page [default: 127.0.0.1:8765]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     websocket: Option<Address>,
 }
 
 impl TargetArgs {
-    /// Checks that frames go somewhere. With `is_json` they go to standard output.
+    /// Checks that frames have a target. If `is_json`, they go to standard output.
     ///
     /// # Errors
-    /// `InvalidInput` if they go nowhere.
+    /// `InvalidInput` if there is no target.
     pub fn check(&self, is_json: bool) -> Result<()> {
         let all = [&self.vmc, &self.live_link, &self.osc, &self.websocket];
         match is_json || all.iter().any(|address| address.is_some()) {
@@ -67,7 +67,7 @@ impl TargetArgs {
         }
     }
 
-    /// Opens all targets. Frames will come at `fps` per second.
+    /// Opens all targets for frames at `fps` per second.
     ///
     /// # Errors
     /// `InvalidInput` for an address that cannot be used.
@@ -101,12 +101,12 @@ impl TargetArgs {
 pub struct Targets {
     datagrams: Vec<Datagrams>,
     broadcast: Option<Broadcast>,
-    /// Whether lines go to standard output.
+    /// Whether lines of JSON go to standard output.
     is_on_output: bool,
 }
 
 impl Targets {
-    /// Says what is sent where.
+    /// Tells the user which format goes to which address.
     pub fn introduce(&self, console: &Console) {
         let broadcast = self.broadcast.iter().map(Broadcast::name);
         for name in self.datagrams.iter().map(Datagrams::name).chain(broadcast) {
@@ -130,14 +130,14 @@ impl Targets {
                 broadcast.send(&line);
             }
             if self.is_on_output {
-                // A reader that has left wants no more.
+                // Stop once the reader of standard output has left.
                 self.is_on_output = console.line(&line)?;
             }
         }
         Ok(())
     }
 
-    /// Whether nobody is left to send to.
+    /// Whether no target is left.
     pub fn are_gone(&self) -> bool {
         self.datagrams.is_empty() && self.broadcast.is_none() && !self.is_on_output
     }

@@ -1,4 +1,4 @@
-//! Datagrams to one receiver.
+//! UDP datagrams to one receiver.
 
 use std::{
     io::ErrorKind,
@@ -9,23 +9,23 @@ use anyface::{Error, Result};
 
 use super::{address::Address, frame::Frame};
 
-/// What makes a datagram of a frame.
+/// Turns a frame into a datagram.
 type Packets = Box<dyn Fn(&Frame) -> Vec<u8>>;
 
-/// A receiver of datagrams. Nothing is read from it.
+/// A receiver of datagrams. Nothing is read back from it.
 pub struct Datagrams {
     socket: UdpSocket,
     packet: Packets,
-    /// What the receiver and its format are called.
+    /// Format and address, as messages name them.
     name: String,
     is_complaining: bool,
 }
 
 impl Datagrams {
-    /// Datagrams to `address`, which the user wrote behind `option`.
+    /// Opens a socket that sends to `address`, the value of `option`.
     ///
     /// # Errors
-    /// `InvalidInput` for a machine that cannot be found or reached.
+    /// `InvalidInput` if the machine cannot be found or reached.
     pub fn new(
         option: &str,
         format: &str,
@@ -46,17 +46,17 @@ impl Datagrams {
         })
     }
 
-    /// What is sent where.
+    /// Format and address, for messages to the user.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Sends a frame. A receiver that is not there yet is none the worse for it; the first of other failures in a
-    /// row is returned as a sentence.
+    /// Sends a frame. If the receiver is not there yet, the frame is lost without an error. Of several
+    /// other failures in a row, the first is returned as a sentence.
     pub fn send(&mut self, frame: &Frame) -> Option<String> {
         let sent = self.socket.send(&(self.packet)(frame));
         let error = sent.err().filter(|error| {
-            // Nobody listens there yet, or the system has no room for the moment.
+            // Nobody listens there yet, or the system's buffer is full at the moment.
             !matches!(
                 error.kind(),
                 ErrorKind::ConnectionRefused | ErrorKind::WouldBlock
@@ -71,7 +71,7 @@ impl Datagrams {
     }
 }
 
-/// A socket that sends to one receiver, and from the machine itself where that is on it.
+/// A socket that sends to one receiver. If that is a loopback address, the socket is bound to loopback too.
 fn open(to: SocketAddr) -> std::io::Result<UdpSocket> {
     let from: SocketAddr = match (to.is_ipv6(), to.ip().is_loopback()) {
         (false, true) => (Ipv4Addr::LOCALHOST, 0).into(),
@@ -101,7 +101,7 @@ mod tests {
             assert_eq!(datagrams.send(&Frame::at_rest()), None);
         }
         let receiver = UdpSocket::bind(at).unwrap();
-        // What was refused before is told once.
+        // The first send may still report an earlier refusal and lose its frame.
         for _ in 0..2 {
             assert_eq!(datagrams.send(&Frame::at_rest()), None);
         }

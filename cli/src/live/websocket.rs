@@ -1,7 +1,7 @@
-//! Lines of JSON for whoever connects by WebSocket, such as a page in a browser.
+//! Lines of JSON for clients that connect by WebSocket, such as a page in a browser.
 //!
-//! Readers only: what they send is thrown away. Pages of other sites, which a browser would let connect too, are
-//! refused.
+//! Clients only read: their own messages are discarded. A browser would let pages of other sites connect
+//! too, so these are refused.
 
 use std::{
     io,
@@ -21,30 +21,30 @@ use tungstenite::{
 
 use super::address::Address;
 
-/// How long somebody who connects may take for each part of the greeting.
+/// Timeout for each read and write of the handshake, and for writes of the goodbye.
 const GREETING: Duration = Duration::from_secs(2);
-/// Bytes that wait for a reader before he is too slow: some seconds of frames.
+/// The most bytes that may wait for a reader before it counts as too slow: some seconds of frames.
 const MOST_WAITING: usize = 256 << 10;
-/// Bytes of a message of a reader, which nobody reads.
+/// The most bytes that a message of a reader may have. Its content is ignored.
 const MOST_RECEIVED: usize = 4 << 10;
-/// Messages of a reader that are thrown away at a time.
+/// The most messages of a reader that are discarded at a time.
 const MOST_READ: usize = 16;
-/// More readers than that are none of ours.
+/// The most readers at a time. More than this are not the user's own.
 const MOST_READERS: usize = 32;
 
 type Readers = Arc<Mutex<Vec<WebSocket<TcpStream>>>>;
 
-/// All who listen.
+/// All connected readers.
 pub struct Broadcast {
     readers: Readers,
     name: String,
 }
 
 impl Broadcast {
-    /// Lets readers connect at `address` from now on.
+    /// From now on, lets readers connect at `address`.
     ///
     /// # Errors
-    /// `InvalidInput` for an address that is not ours, or whose port is in use.
+    /// `InvalidInput` if the address is not one of this machine or its port is in use.
     pub fn new(option: &str, address: &Address) -> Result<Broadcast> {
         let at = address.find(option)?;
         let listener = TcpListener::bind(at).map_err(|error| {
@@ -77,15 +77,15 @@ impl Broadcast {
         })
     }
 
-    /// What is sent where.
+    /// Format and address, for messages to the user.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Sends a line to all, without waiting for anybody; who is gone or too slow is let go.
+    /// Sends a line to all readers without waiting. Drops readers that are gone or too slow.
     pub fn send(&mut self, line: &str) {
         self.readers().retain_mut(|reader| {
-            // Without reading no goodbye and no question whether we are there is heard.
+            // Without a read, the close frames and pings of the reader would go unnoticed.
             let gone = (0..MOST_READ).find_map(|_| reader.read().err());
             let sent = reader.send(Message::text(line)).err();
             gone.iter().chain(&sent).all(is_later)
@@ -98,7 +98,7 @@ impl Broadcast {
 }
 
 impl Drop for Broadcast {
-    /// Says goodbye.
+    /// Sends every reader a close frame.
     fn drop(&mut self) {
         for reader in self.readers().iter_mut() {
             let _ = reader.get_ref().set_nonblocking(false);
@@ -109,12 +109,12 @@ impl Drop for Broadcast {
     }
 }
 
-/// Whether there is only nothing to be had or done at the moment.
+/// Whether the error only means that nothing can be read or written at the moment.
 fn is_later(error: &tungstenite::Error) -> bool {
     matches!(error, tungstenite::Error::Io(error) if error.kind() == io::ErrorKind::WouldBlock)
 }
 
-/// A reader who has greeted in time and is no page of another site.
+/// Performs the handshake. Returns `None` if it fails, takes too long or comes from a page of another site.
 fn greet(stream: TcpStream) -> Option<WebSocket<TcpStream>> {
     stream.set_read_timeout(Some(GREETING)).ok()?;
     stream.set_write_timeout(Some(GREETING)).ok()?;
@@ -141,7 +141,7 @@ fn check(request: &Request, response: Response) -> Result<Response, ErrorRespons
     Err(refusal)
 }
 
-/// Whether a page of that origin lies on this machine: a file, or what a server on it shows.
+/// Whether a page of this origin comes from this machine: from a file or from a local server.
 fn is_ours(origin: &str) -> bool {
     if ["null", "file://"].contains(&origin) {
         return true;

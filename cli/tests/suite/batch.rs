@@ -1,4 +1,5 @@
-//! `anyface batch` from outside: what a row gives, what is done again, and what a broken row keeps from being done.
+//! `anyface batch` from outside: the results of a row, which rows are done again, and what a broken row
+//! prevents.
 
 use std::{
     collections::BTreeMap,
@@ -36,7 +37,7 @@ fn done(output: &Output, code: i32) -> String {
     errors + &results
 }
 
-/// A folder with a short voice in `a.wav` and these rows.
+/// A folder with a short voice in `a.wav` and these rows in `lines.csv`.
 fn folder(seconds: f32, lines: &str) -> TempDir {
     let folder = folder_with_sound(&intoned(seconds, 16_000), 16_000);
     write(&folder, "lines.csv", lines);
@@ -65,7 +66,7 @@ fn modified(path: PathBuf) -> std::time::SystemTime {
     fs::metadata(path).unwrap().modified().unwrap()
 }
 
-/// Weights by column.
+/// The columns of a table of weights, by name.
 fn table(path: &Path) -> BTreeMap<String, Vec<f32>> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     let names: Vec<String> = reader
@@ -299,13 +300,13 @@ fn started(folder: &Path, more: &[&str]) -> Child {
     command.spawn().unwrap()
 }
 
-/// Many rows of one sound.
+/// `count` rows with the same sound.
 fn many(count: usize) -> String {
     let rows = (1..=count).map(|n| format!("a.wav,{n}.npz,{n}\n"));
     "audio,out,seed\n".to_owned() + &rows.collect::<String>()
 }
 
-/// Waits for so many lines of the history.
+/// Waits until the history has this many lines.
 fn wait_for(folder: &Path, lines: usize) {
     let path = folder.join("lines.reports/history.jsonl");
     let end = Instant::now() + Duration::from_secs(120);
@@ -384,7 +385,7 @@ fn two_processes_share_the_rows_of_one_table() {
     );
 }
 
-/// Fills the template of an engine for three rows, a chunk of two a task.
+/// Exports three rows for an engine, with up to two rows a task.
 fn export(folder: &TempDir, engine: &str) -> String {
     write(
         folder,
@@ -420,7 +421,7 @@ fn tasks_of_an_exported_array_do_all_rows_and_the_last_one_writes_the_page() {
     script(&["sum"], "0");
     assert!(page.exists());
     assert_eq!(summary(folder.path())["ok"].as_u64(), Some(3));
-    // The rows of the command line and of an engine are the same ones.
+    // The command finds that the engine has done the same rows.
     let words = ["batch", "lines.csv", "--seed", "7", "--no-cache"];
     let said = done(&anyface(folder.path(), &words), 0);
     assert!(said.contains("0 done now"), "{said}");

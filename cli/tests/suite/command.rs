@@ -31,7 +31,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Expects a failure of one kind that says `words` and leaves the folder as it was.
+/// Expects a failure with this exit code and a message with `words`. It must leave the folder unchanged.
 fn refused(folder: &TempDir, arguments: &[&str], code: i32, words: &str) {
     let before = names(folder.path());
     let output = anyface(folder.path(), arguments);
@@ -209,7 +209,7 @@ fn missing_files_exit_with_8_and_their_name() {
     refused(&folder, &arguments, IO, "l.npz");
 }
 
-/// The paper's heat maps: shares of 68 landmarks for each vertex of the skin, from the command.
+/// The command writes the paper's heat maps: the shares of 68 landmarks for each vertex of the skin.
 #[test]
 fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
     let folder = folder_with_sound(&hum(0.2), 16_000);
@@ -250,13 +250,14 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
     let shares: ndarray::Array2<f32> = npz.by_name("attention").unwrap();
     assert_eq!(shares.ncols(), 68);
     let sums: Vec<f32> = shares.rows().into_iter().map(|row| row.sum()).collect();
-    // Eyeballs and teeth follow no skin.
+    // Eyeballs and teeth are no skin, so their shares are zero.
     assert!(
         sums.iter()
             .all(|sum| (sum - 1.0).abs() < 1e-4 || *sum == 0.0)
     );
     assert!(sums.iter().filter(|sum| **sum > 0.5).count() > 4_000);
-    // Attention is local: e to the entropy of a vertex's shares; 68 where it looks at all landmarks alike.
+    // Attention is local. The measure is e to the entropy of a vertex's shares, 68 if all landmarks count
+    // alike.
     let mut looked_at: Vec<f32> = shares
         .rows()
         .into_iter()
@@ -268,7 +269,8 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
     assert!(median < 15.0, "{median}");
 }
 
-/// The eigenfunctions of shoulders leave none for lips, unless the network works on the head alone.
+/// Shoulders use up the eigenfunctions and leave none for the lips, unless the network works on the head
+/// alone.
 #[test]
 fn shoulders_do_not_silence_the_papers_decoder() {
     let folder = folder_with_sound(&hum(0.4), 16_000);
@@ -300,7 +302,7 @@ fn shoulders_do_not_silence_the_papers_decoder() {
     assert!(size(shoulders.to_owned()) < 0.1 * motion);
 }
 
-/// The head of an OBJ with shoulders: the rim of its neck, drawn out in eight rings.
+/// Adds shoulders to the head of an OBJ: eight rings that spread out from the rim of the neck.
 fn with_shoulders(head: &str) -> String {
     let rows = |kind: &'static str| head.lines().filter_map(move |line| line.strip_prefix(kind));
     let numbers = |row: &str| -> Vec<f64> { row.split(' ').map(|x| x.parse().unwrap()).collect() };
@@ -389,7 +391,7 @@ fn info_says_the_version() {
     assert!(text(&output.stdout).starts_with("anyface "));
 }
 
-/// Five points say where a face is, on a mesh that is not seen to have one too.
+/// Five points say where the face is, even on a mesh in which none is found.
 #[test]
 fn five_points_say_where_a_face_is() {
     let folder = tempfile::tempdir().unwrap();
@@ -424,7 +426,7 @@ fn landmarks(folder: &TempDir, name: &str) -> ndarray::Array3<f32> {
     read.unwrap().displacements
 }
 
-/// The frames that differ.
+/// Indices of the frames that differ.
 fn changed(a: &ndarray::Array3<f32>, b: &ndarray::Array3<f32>) -> Vec<usize> {
     let frames = a.outer_iter().zip(b.outer_iter()).enumerate();
     let differ = frames.filter(|(_, (a, b))| a != b);
@@ -577,7 +579,7 @@ fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
     assert!(differ(&was, &new).iter().all(|t| (21..40).contains(t)));
     assert!(differ(&drop, &new).iter().all(|t| !(23..=37).contains(t)));
     assert!(differ(&was, &new).len() > 10);
-    // On a mesh they move its own shapes, as the whole way does.
+    // On a mesh, the weights move its own shapes, just as `animate` does.
     let head = crate::model("default_head");
     let (mesh, marks) = (head.join("head.obj"), head.join("landmarks.json"));
     let [mesh, marks] = [&mesh, &marks].map(|path| path.to_str().unwrap());
@@ -604,7 +606,7 @@ fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
             .unwrap()
     };
     assert_eq!(moved("a.npz"), moved("b.npz"));
-    // Landmarks of another system are no weights, and no table.
+    // Another system makes landmarks, which cannot stand in for weights and cannot be written to a table.
     let other = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
     done(&folder, &[&other[..], &["marks.npz"]].concat());
     let mixed = ["o.npz", "--redo", "0.8-1.6", "--from", "marks.npz"];
@@ -624,7 +626,7 @@ fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
     );
 }
 
-/// An animation with its landmarks of the first frame alone.
+/// Copies an animation, but keeps only the first frame of its landmarks.
 fn shorten_landmarks(from: &Path, to: &Path) {
     let file = fs::File::open(from).unwrap();
     let mut npz = ndarray_npy::NpzReader::new(file).unwrap();

@@ -1,5 +1,5 @@
-//! Files that broke readers once, and hosts that do: the command ends by itself, in time and memory, with
-//! an exit code of the kind, and leaves nothing half done.
+//! Files that once broke readers, and surroundings that break commands. The command ends by itself, within
+//! limits of time and memory, with the exit code of its error, and leaves nothing half done.
 
 use std::{
     fs,
@@ -13,13 +13,14 @@ use anyface::{face::Rig, mesh::Mesh, output::write_rig};
 use ndarray::Array3;
 use tempfile::TempDir;
 
-/// What no file of a few kilobytes may take.
+/// The longest time that a file of a few kilobytes may take.
 const LONGEST: Duration = Duration::from_secs(20);
+/// The most memory that such a file may take, in bytes.
 #[cfg(target_os = "linux")]
 const MOST_MEMORY: u64 = 1 << 30;
-/// Vertices of the animations among the files.
+/// Rows and columns of the mesh, which has as many vertices as the animations among the files.
 const GRID: [usize; 2] = [18, 26];
-/// Exit codes of a file that is refused; sound files may also hold no face.
+/// Kinds of error of a refused file. A mesh file may also hold no face.
 const REFUSED: [&str; 5] = [
     "invalid_input",
     "shape_mismatch",
@@ -45,7 +46,7 @@ fn start(folder: &Path, arguments: &[&str]) -> Child {
         .unwrap()
 }
 
-/// Runs the command, and ends it where it takes too long.
+/// Runs the command, and ends it if it takes too long.
 fn run(folder: &Path, arguments: &[&str]) -> Ended {
     let mut child = start(folder, arguments);
     let began = Instant::now();
@@ -80,7 +81,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Ended {
     }
 }
 
-/// Most memory that a process has had so far, bytes.
+/// Peak memory of a process so far, in bytes.
 #[cfg(target_os = "linux")]
 fn peak(process: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
@@ -89,7 +90,7 @@ fn peak(process: u32) -> u64 {
     kilobytes.unwrap_or(0) * 1024
 }
 
-/// Why a run is not as it should be.
+/// Says what is wrong with a run. `None` if it went as it should.
 fn complaint(ended: &Ended) -> Option<String> {
     #[cfg(target_os = "linux")]
     if ended.memory > MOST_MEMORY {
@@ -101,7 +102,7 @@ fn complaint(ended: &Ended) -> Option<String> {
     if status.success() {
         return None;
     }
-    // With --json nothing but the error stands on standard error.
+    // With --json, standard error holds only the error.
     let error: serde_json::Value = match serde_json::from_str(ended.errors.trim()) {
         Ok(error) => error,
         Err(_) => return Some(format!("{status}: {}", ended.errors)),
@@ -119,7 +120,7 @@ fn shared(name: &str) -> Vec<PathBuf> {
     files
 }
 
-/// A mesh of as many vertices as the animations have, shapes of it, and landmarks that need no search.
+/// A folder with a mesh that fits the animations, shapes of it, and landmarks that need no search.
 fn stage() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let [rows, columns] = GRID;
@@ -216,7 +217,7 @@ fn every_hostile_file_is_read_or_refused() {
     );
 }
 
-/// A device that has no end, for every option of a file.
+/// Names a device that never ends for every option that takes a file.
 #[cfg(target_os = "linux")]
 #[test]
 fn no_file_is_read_without_end() {
@@ -347,7 +348,7 @@ fn a_signal_ends_the_wait_for_a_pipe() {
         &["motion", "--audio", "pipe", "--out", "o.npz"],
     ] {
         let mut child = start(folder.path(), arguments);
-        // The wait has begun when the thread for it is there.
+        // The wait has begun once its thread exists.
         let waits = || {
             let tasks = fs::read_dir(format!("/proc/{}/task", child.id()));
             let names = tasks
@@ -380,7 +381,7 @@ fn a_signal_ends_the_wait_for_a_pipe() {
     }
 }
 
-/// `ulimit -f` ends a process by a signal, where nobody minds it.
+/// `ulimit -f` ends a process by a signal, unless the process handles it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_file_beyond_the_limit_of_its_size_is_an_error_that_leaves_nothing() {
@@ -429,7 +430,7 @@ fn a_folder_that_failed_to_fill_goes_again() {
         "--out",
         "new/rig/",
     ];
-    // The report lies where a folder is, which shows at the end.
+    // A folder stands where the report belongs, so the run fails only at its end.
     fs::create_dir(folder.path().join("report.json")).unwrap();
     let ended = run(
         folder.path(),
@@ -438,7 +439,7 @@ fn a_folder_that_failed_to_fill_goes_again() {
     assert_eq!(ended.status.unwrap().code(), Some(8), "{}", ended.errors);
     fs::remove_dir(folder.path().join("report.json")).unwrap();
     assert_eq!(files(folder.path()), before);
-    // What was there stays.
+    // A folder that existed before stays.
     fs::create_dir_all(folder.path().join("new")).unwrap();
     fs::create_dir(folder.path().join("report.json")).unwrap();
     run(
@@ -448,13 +449,13 @@ fn a_folder_that_failed_to_fill_goes_again() {
     assert!(folder.path().join("new").is_dir() && !folder.path().join("new/rig").exists());
 }
 
-/// What decoders log is for nobody who runs the command.
+/// Users of the command should not see what decoders log.
 #[test]
 fn logs_of_decoders_do_not_reach_standard_error() {
     let folder = tempfile::tempdir().unwrap();
     let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../rust-core/tests/fixtures");
     let mp3 = fs::read(fixtures.join("sweep_plain.mp3")).unwrap();
-    // Bytes between the packets are what the decoder logs.
+    // The decoder logs stray bytes between the packets.
     let damaged = [&mp3[..mp3.len() / 2], &[7; 3_000], &mp3[mp3.len() / 2..]].concat();
     fs::write(folder.path().join("a.mp3"), damaged).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
@@ -486,7 +487,7 @@ fn a_result_never_replaces_what_it_is_made_from() {
             "--out",
             "rig.npz",
         ],
-        // Results whose names come from those of others.
+        // Results whose names derive from those of other results.
         &[
             "open-mouth",
             "--mesh",
@@ -537,7 +538,7 @@ fn under_any_limit_of_memory_the_command_ends_well_and_leaves_nothing() {
     let (command, mesh) = (env!("CARGO_BIN_EXE_anyface"), mesh.display());
     let before = fs::read_dir(folder.path()).unwrap().count();
     let animate = format!("animate --mesh {mesh}");
-    // Steps of 47 MB from 100 to 1,000, and a limit far beyond.
+    // Steps of 47 MB from 100 to 1,000 MB, and one limit far above.
     let limits = (0..20).map(|step| 100 + step * 900 / 19).chain([2_000]);
     for work in [animate.as_str(), "motion"] {
         let mut codes = Vec::new();
@@ -612,8 +613,8 @@ fn sound(folder: &Path, seconds: usize) {
     wav.finalize().unwrap();
 }
 
-/// Sends a signal to a job of `arguments` once `is_time` says so, and expects an orderly end with nothing left but the
-/// sound.
+/// Starts a job with `arguments` and sends it a signal once `is_time` says so. Expects an orderly end that
+/// leaves nothing but the sound.
 #[cfg(unix)]
 fn interrupted(folder: &Path, arguments: &[&str], signal: &str, is_time: impl Fn() -> bool) {
     let head = crate::model("default_head");
@@ -668,7 +669,7 @@ fn a_signal_cancels_and_nothing_is_left() {
     interrupted(folder.path(), &arguments, "-INT", half_a_second);
 }
 
-/// Of a job with several results none is there where the last is not.
+/// A job with several results leaves none of them if the last is unfinished.
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_no_layer_and_no_mask_behind() {
@@ -676,7 +677,7 @@ fn a_signal_leaves_no_layer_and_no_mask_behind() {
     sound(folder.path(), 60);
     let layers = ["--layers", "content,emotion", "--mask-out", "m.npz"];
     let arguments = ["animate", "--system", "emoface", "--out", "o.pc2"];
-    // The mask and one layer are whole, the other one is in the making.
+    // The mask and one layer are whole, and the other layer is being written.
     let third = || files(folder.path()).len() > 3;
     let all = [&arguments[..], &layers].concat();
     interrupted(folder.path(), &all, "-TERM", third);
@@ -687,7 +688,7 @@ fn a_signal_leaves_no_layer_and_no_mask_behind() {
 #[test]
 fn no_system_leaves_anything_after_a_signal_at_any_moment() {
     let folder = tempfile::tempdir().unwrap();
-    // More than any machine gets through before the last moment.
+    // More sound than any machine gets through before the latest signal.
     sound(folder.path(), 300);
     let count = std::env::var("ANYFACE_SIGNALS").map_or(1, |text| text.parse().unwrap());
     let mut moment = 0u64;
@@ -707,7 +708,7 @@ fn no_system_leaves_anything_after_a_signal_at_any_moment() {
     }
 }
 
-/// The default head with every triangle cut in four so many times, as `head.obj`.
+/// Writes the default head to `head.obj`, with every triangle cut in four, `times` times over.
 #[cfg(target_os = "linux")]
 fn head_cut(folder: &Path, times: usize) {
     let mut mesh = Mesh::read(crate::model("default_head").join("head.obj")).unwrap();
@@ -759,7 +760,7 @@ fn the_memory_that_is_told_is_that_which_is_taken() {
     }
 }
 
-/// Four million vertices under a limit of addresses that they fit into and their work does not.
+/// Four million vertices under a limit of address space that holds the mesh but not the work on it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_mesh_whose_work_does_not_fit_is_refused_before_it_is_done() {

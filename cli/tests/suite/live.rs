@@ -1,4 +1,4 @@
-//! `anyface live` as programs see it that listen to it.
+//! `anyface live` as the programs that listen to it see it.
 
 use std::{
     io::{BufRead, BufReader, Read, Write},
@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::{folder_with_sound, voice};
 
 const SECONDS: usize = 2;
-/// Of the stream.
+/// Frames per second of the stream.
 const FPS: usize = 25;
 
 fn spoken() -> Vec<f32> {
@@ -78,7 +78,7 @@ fn messages(bytes: &[u8]) -> Vec<OscMessage> {
     messages.collect()
 }
 
-/// Weights of shapes of a Live Link packet, with lower first letters, in the order of Unreal's list.
+/// Subject, frame number and values of a Live Link packet, the values in the order of Unreal's list.
 fn live_link(bytes: &[u8]) -> (String, u32, Vec<f32>) {
     assert_eq!(bytes[0], 6);
     let (mut rest, mut texts) = (&bytes[1..], Vec::new());
@@ -107,7 +107,7 @@ fn every_target_receives_the_same_face() {
     let (vmc, vmc_at) = receiver();
     let (link, link_at) = receiver();
     let (plain, plain_at) = receiver();
-    // By a clock, so that no datagram is lost where nobody has read yet.
+    // Play at the speed of a clock, so that no datagram is lost before it is read.
     let child = start(
         folder.path(),
         &[
@@ -238,7 +238,7 @@ fn another_rate_is_interpolated() {
     }
 }
 
-/// The place that the command says it listens at.
+/// Reads the address at which the command says it listens.
 fn place(notes: &mut BufReader<ChildStderr>) -> String {
     let mut line = String::new();
     notes.read_line(&mut line).unwrap();
@@ -256,7 +256,7 @@ fn a_reader_of_the_websocket_receives_lines_while_it_goes_on() {
     let place = place(&mut BufReader::new(child.stderr.take().unwrap()));
     let (mut reader, _) = tungstenite::connect(place).unwrap();
     reader.send(tungstenite::Message::text("ignored")).unwrap();
-    // The reader is there; now somebody speaks, for as long as it takes until a line has come.
+    // The reader is connected. Now send sound until a line has arrived.
     let mut pipe = child.stdin.take().unwrap();
     let speaker = std::thread::spawn(move || while pipe.write_all(&[1; 640]).is_ok() {});
     let line = reader.read().unwrap().into_text().unwrap();
@@ -277,7 +277,7 @@ fn a_signal_ends_it() {
     );
     let mut notes = BufReader::new(child.stderr.take().unwrap());
     place(&mut notes);
-    // Standard input stays open, which `wait` would close: nothing but the signal ends it.
+    // Keep standard input open, because `wait` would close it. Only the signal may end the command.
     let input = child.stdin.take();
     let kill = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
@@ -333,7 +333,7 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
     let mut child = start(folder.path(), &["--input", "-", "--vmc"]);
     let mut pipe = child.stdin.take().unwrap();
     let wav = std::fs::read(folder.path().join("a.wav")).unwrap();
-    // It may leave before all is written.
+    // The command may exit before everything is written.
     let _ = pipe.write_all(&wav);
     drop(pipe);
     let (status, _, message) = ended(child);
@@ -341,7 +341,7 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
     assert!(message.contains("name it with --input FILE"), "{message}");
 }
 
-/// Local ports of TCP that a process listens at, and how many of its sockets of UDP take packets of anybody.
+/// TCP ports at which a process listens, and how many of its UDP sockets take packets from anybody.
 #[cfg(target_os = "linux")]
 fn open_ports(process: u32) -> (Vec<u16>, usize) {
     let proc = Path::new("/proc").join(process.to_string());
@@ -408,7 +408,7 @@ fn hostile_bytes_do_not_stop_the_websocket() {
          Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
     );
     let endless = |of: &str| format!("{greeting}X: {}", of.repeat(1 << 20));
-    // Frames that say they are longer than anything, have no mask, unknown kinds, or are cut off.
+    // Frames that claim an impossible length, have no mask, are of an unknown kind, or are cut off.
     let frames: [&[u8]; 4] = [
         &[
             0x82, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4,
@@ -430,7 +430,7 @@ fn hostile_bytes_do_not_stop_the_websocket() {
     ]);
     for bytes in hostile {
         let mut stream = std::net::TcpStream::connect(&address).unwrap();
-        // Who is let go cannot write all of it.
+        // A client that is dropped cannot write everything.
         let _ = stream.write_all(&bytes);
     }
     let (mut reader, _) = tungstenite::connect(place).unwrap();

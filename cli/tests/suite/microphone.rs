@@ -1,4 +1,4 @@
-//! `anyface live` on a microphone: a sound system of our own whose device hears what is played on it.
+//! `anyface live` on a microphone. The tests run a sound system whose device records what is played on it.
 
 use std::{
     fs,
@@ -16,7 +16,7 @@ use crate::{folder_with_sound, voice};
 
 /// How long anything may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// What the face does at rest stays below this.
+/// At rest, the weight of `jawOpen` stays below this.
 const REST: f64 = 0.05;
 
 /// A PulseAudio whose one device has no hardware; it records what is played on it.
@@ -115,7 +115,7 @@ fn serve(folder: &Path) -> Child {
         .unwrap()
 }
 
-/// A live face: its frames and notes as they come.
+/// A running `anyface live`, with its frames and notes as they arrive.
 struct Face {
     child: Child,
     frames: Receiver<Value>,
@@ -151,7 +151,7 @@ impl Face {
         panic!("no note {text:?}");
     }
 
-    /// The widest open mouth in the frames that have come and come in `time`.
+    /// The widest mouth opening in the frames that have arrived or arrive within `time`.
     fn opening(&self, time: Duration) -> f64 {
         let (end, mut widest, mut count) = (Instant::now() + time, 0.0f64, 0);
         while let Ok(frame) = self
@@ -188,7 +188,7 @@ fn lines<T: Send + 'static>(
     receiver
 }
 
-/// A voice of two seconds at the rate of a usual sound card, loud enough to be heard.
+/// A voice of two seconds at the sample rate of usual sound cards, loud enough to be heard.
 fn spoken() -> (tempfile::TempDir, PathBuf) {
     let folder = folder_with_sound(&voice::intoned(2.0, 48_000), 48_000);
     let wav = folder.path().join("a.wav");
@@ -207,7 +207,7 @@ fn a_face_follows_a_microphone_that_goes_and_comes_back() {
     assert!(face.opening(Duration::from_secs(1)) > 2.0 * REST);
     system.stop();
     face.notes("Monitor of Desk is gone");
-    // The mouth shuts after what was said last, and frames go on.
+    // The mouth shuts after the last words, and frames keep arriving.
     face.opening(Duration::from_secs(1));
     assert!(face.opening(Duration::from_secs(1)) < REST);
     system.start_again();
@@ -239,7 +239,7 @@ fn devices_are_listed_and_what_is_none_is_refused() {
 fn what_the_face_follows_is_played_later() {
     let system = SoundSystem::start();
     let (folder, _) = spoken();
-    // Raw samples of what is heard in the room.
+    // Record raw samples of the sound that is played.
     let mut recorder = system.command("parec");
     recorder.args([
         "--format=s16le",
@@ -260,7 +260,7 @@ fn what_the_face_follows_is_played_later() {
     assert!(heard.join().unwrap() > 1_000);
 }
 
-/// The loudest sample of 16 bits that comes.
+/// Reads 16-bit samples to the end and returns the loudest.
 fn loudest(mut from: ChildStdout) -> thread::JoinHandle<u16> {
     thread::spawn(move || {
         let mut bytes = Vec::new();

@@ -1,4 +1,4 @@
-//! Command lines that were fed to the fuzzer, and any others, through what it does with them.
+//! Runs the fuzzer's target on the command lines of its corpus and on random ones.
 
 use std::{fs, path::Path};
 
@@ -15,13 +15,13 @@ fn command_lines_of_the_corpus_break_nothing() {
     paths.sort();
     assert!(paths.len() >= 30, "{}", paths.len());
     for path in &paths {
-        // The name of the file that fails is the last one that is shown.
+        // If a file fails, its name is the last one printed.
         println!("{}", path.display());
         target::options(&fs::read(path).unwrap());
     }
 }
 
-/// Bytes from one number (SplitMix64).
+/// Random bytes from a seed (SplitMix64).
 fn noise(seed: u64, length: usize) -> Vec<u8> {
     let mut state = seed;
     let mut next = || {
@@ -34,7 +34,7 @@ fn noise(seed: u64, length: usize) -> Vec<u8> {
     (0..length).map(|_| next()).collect()
 }
 
-/// `ANYFACE_MUTATIONS` says how many, from `ANYFACE_MUTATIONS_FROM` on.
+/// `ANYFACE_MUTATIONS` is the number of seeds, and `ANYFACE_MUTATIONS_FROM` the first.
 #[test]
 fn any_options_are_refused_with_a_message_or_done() {
     let number = |name: &str, usual: u64| {

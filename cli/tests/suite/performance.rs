@@ -20,7 +20,7 @@ fn anyface(folder: &TempDir, line: &str) -> Output {
         .unwrap()
 }
 
-/// Runs a line that must succeed; returns what it says.
+/// Runs a line that must succeed. Returns its standard output and standard error.
 fn done(folder: &TempDir, line: &str) -> (String, String) {
     let output = anyface(folder, line);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -243,7 +243,7 @@ fn a_head_talks_in_every_format() {
     done(&folder, &format!("{animate} --out o.mdd"));
     assert_eq!(length("o.mdd"), 8 + 10 * 4 + 10 * 8510 * 12);
 
-    // The landmark motion of one run, put on the mesh again, is the same animation.
+    // The landmark motion of one run, put on the mesh again, gives the same animation.
     let mesh = model("default_head").join("head.obj");
     let deform = format!(
         "deform --mesh {} --motion o.npz --cache cache --out d.npz",

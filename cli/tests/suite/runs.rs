@@ -1,7 +1,7 @@
-//! Runs of the command held against the numbers that they gave before: a change of design changes no
+//! Compares runs of the command with the numbers that they gave before. A change of design must change no
 //! number.
 //!
-//! Where a change of numbers is meant, `ANYFACE_REFRESH_GOLDENS=1 cargo test -p anyface-cli --test suite
+//! If the numbers are meant to change, `ANYFACE_REFRESH_GOLDENS=1 cargo test -p anyface-cli --test suite
 //! runs` writes `tests/goldens/runs.json` anew. The instruction sets of processors differ in the last
 //! bits, hence the tolerance.
 
@@ -14,9 +14,9 @@ use anyface::{
 
 use crate::{model, voice::babble};
 
-/// Part of the largest number of an array by which a number may differ.
+/// How much a number may differ, as a share of the largest number of its array.
 const TOLERANCE: f32 = 1e-5;
-/// Numbers that are kept of an array, spread over all of it.
+/// How many numbers of an array are kept, spread over all of it.
 const SAMPLES: usize = 48;
 
 /// Name of the file that a run writes, and its command line; `HEAD` stands for the default head with

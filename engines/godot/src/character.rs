@@ -9,16 +9,17 @@ use godot::{
     prelude::*,
 };
 
-/// Which blend shape of a mesh is which, and the head as it stands at rest.
+/// Remembers which weight drives which blend shape of a mesh.
 #[derive(Default)]
 pub struct Character {
     mesh: Option<InstanceId>,
-    /// Number of a blend shape, and of the weight that moves it: those of ARKit, then the visemes.
+    /// The index of a blend shape and the index of the weight that drives it. ARKit's weights come
+    /// first, then the visemes.
     shapes: Vec<(i32, usize)>,
 }
 
 impl Character {
-    /// Shows the weights of a frame.
+    /// Applies a frame to the blend shapes of the mesh and to the bone of the head.
     pub fn show(
         &mut self,
         frame: &WeightFrame,
@@ -54,21 +55,22 @@ impl Character {
     }
 }
 
-/// Weights by name.
+/// The weights of a frame by name.
 pub fn by_name(frame: &WeightFrame) -> VarDictionary {
     let shapes = ARKIT.iter().zip(frame.shapes);
     let all = shapes.chain(VISEMES.iter().zip(frame.visemes));
     all.map(|(name, weight)| (*name, weight)).collect()
 }
 
-/// The blend shapes of a mesh that have names of ARKit's shapes, or else of visemes.
+/// Finds the blend shapes of a mesh that are named like ARKit's shapes. If the mesh has no
+/// `jawOpen`, finds those named like visemes instead.
 fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
     let array = mesh.get_mesh().and_then(|m| m.try_cast::<ArrayMesh>().ok());
     let array = array.ok_or("mesh: expected one with blend shapes, got none")?;
     let names_of_mesh: Vec<String> = (0..array.get_blend_shape_count())
         .map(|place| array.get_blend_shape_name(place).to_string())
         .collect();
-    // A mesh with both kinds would move its mouth twice.
+    // Use only one kind: with both, the mouth would move twice.
     let names = match names_of_mesh.iter().any(|name| name == "jawOpen") {
         true => 0..ARKIT.len(),
         false => ARKIT.len()..ARKIT.len() + VISEMES.len(),
@@ -92,8 +94,8 @@ fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
     Ok(pairs)
 }
 
-/// Of a rotation vector in radians: about the face's left, up and front, which are Godot's x, y and z where it looks
-/// along +z.
+/// Turns a rotation vector in radians into a quaternion. Its axes are the face's left, up and
+/// front. These are Godot's x, y and z if the face looks along +z.
 fn rotation(vector: [f32; 3]) -> Quaternion {
     let turn = Vector3::from_array(vector);
     match turn.try_normalized() {

@@ -1,4 +1,4 @@
-//! A sound and the frames of the face that were heard in it.
+//! A sound and the frames of the face that are computed from it.
 
 use anyface::{
     Engine, Result,
@@ -7,19 +7,19 @@ use anyface::{
     motion::{WeightFrame, WeightStream},
 };
 
-/// Hears a sound as far as it is shown.
+/// Computes the frames of a sound, only as far as they are shown.
 pub struct Voice {
     stream: WeightStream,
     samples: Vec<f32>,
     pushed: usize,
-    /// All that was heard, from the first frame on.
+    /// All frames computed so far, from the first on.
     frames: Vec<WeightFrame>,
-    /// What the stream feels by: the text of the node.
+    /// The node's emotion text that the stream was last set to.
     emotion: String,
     is_over: bool,
 }
 
-/// An emotion that is heard in the voice.
+/// The emotion text that asks for the emotion heard in the voice.
 const HEARD: &str = "auto";
 
 impl Voice {
@@ -39,7 +39,7 @@ impl Voice {
         })
     }
 
-    /// The face at an instant of the sound, seconds; at rest outside of it.
+    /// The face at a time of the sound, in seconds. Outside the sound the face is at rest.
     pub fn at(&mut self, seconds: f64, emotion: &str) -> Result<WeightFrame> {
         self.feel(emotion)?;
         let place = seconds * self.stream.fps();
@@ -80,10 +80,10 @@ impl Voice {
     }
 }
 
-/// Samples of a frame.
+/// Samples that are pushed at once: one frame at 25 frames a second.
 const SAMPLES: usize = SAMPLE_RATE_HZ as usize / 25;
 
-/// Weights between two frames, linear.
+/// Interpolates linearly between two frames.
 fn between(one: &WeightFrame, other: &WeightFrame, share: f32) -> WeightFrame {
     let mix = |a: f32, b: f32| a + share * (b - a);
     WeightFrame {

@@ -1,4 +1,5 @@
-//! The documents as pages, with all that they link to in the repository. A link that leads nowhere is an error.
+//! Writes the documents as pages, with every file of the repository that they link to. A broken
+//! link is an error.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,25 +12,25 @@ use pulldown_cmark::{CowStr, Event, HeadingLevel, LinkType, Options, Parser, Tag
 
 use super::frame;
 
-/// What is written whether or not a document links to it.
+/// Documents outside `docs` that are written even if no other document links to them.
 const FIRST: [&str; 2] = ["README.md", "CHANGELOG.md"];
-/// Where pages lie that are no documents, below the folder of the documents.
+/// Subfolder of the documents for every file that lies outside `docs` in the repository.
 const BESIDE: &str = "repository";
 
 /// A document as a page.
 pub struct Page {
     title: String,
     body: String,
-    /// What addresses with a # may name.
+    /// The names that an address may give after a `#`.
     pub anchors: BTreeSet<String>,
-    /// Paths in the repository that it links to, each with the anchor, "" for none.
+    /// Paths in the repository that the page links to, each with its anchor, or "" for none.
     pub links: Vec<(String, String)>,
 }
 
-/// Writes the documents of the repository `root` into the folder `out`; returns how many.
+/// Writes the documents of the repository `root` into the folder `out` and returns their number.
 ///
 /// # Errors
-/// If a link names a file or a heading that is not there.
+/// If a link names a file or a heading that does not exist.
 pub fn write(root: &Path, out: &Path) -> Result<usize> {
     let mut waiting: BTreeSet<String> = FIRST.map(str::to_owned).into();
     for folder in ["docs", "docs/measured"] {
@@ -79,7 +80,7 @@ pub fn write(root: &Path, out: &Path) -> Result<usize> {
     Ok(pages.len())
 }
 
-/// A list of the documents, those of the folder `docs` first.
+/// The page that lists the documents, with those of the folder `docs` first.
 fn index(pages: &BTreeMap<String, Page>) -> String {
     let line = |(path, page): (&String, &Page)| {
         format!("<li><a href=\"{}\">{}</a></li>\n", place(path), page.title)
@@ -95,7 +96,7 @@ fn index(pages: &BTreeMap<String, Page>) -> String {
     frame::framed("Documents", 1, &body)
 }
 
-/// Where a file of the repository lies below the folder of the documents.
+/// The path of a file of the repository within the site's folder of documents.
 fn place(path: &str) -> String {
     let place = match path.strip_prefix("docs/") {
         Some(inside) => inside.to_owned(),
@@ -149,7 +150,7 @@ pub fn render(path: &str, text: &str) -> Page {
     }
     let mut body = String::new();
     html::push_html(&mut body, events.into_iter());
-    // An empty cell is a heading of nothing.
+    // An empty header cell would be a heading without text.
     let body = body.replace("<th></th>", "<td></td>");
     let title = title.unwrap_or_else(|| path.to_owned());
     Page {
@@ -160,7 +161,7 @@ pub fn render(path: &str, text: &str) -> Page {
     }
 }
 
-/// The plain words of the heading with which `events` begin.
+/// The plain words of the heading at the start of `events`.
 fn heading(events: &[Event]) -> String {
     let inside = events
         .iter()
@@ -173,7 +174,7 @@ fn heading(events: &[Event]) -> String {
     words.collect()
 }
 
-/// The name that GitHub gives a heading.
+/// The anchor that GitHub gives a heading.
 fn slug(words: &str) -> String {
     let lower = words.to_lowercase();
     let letters = lower
@@ -182,7 +183,7 @@ fn slug(words: &str) -> String {
     letters.map(|c| if c == ' ' { '-' } else { c }).collect()
 }
 
-/// `name`, with a number behind it where there is one already.
+/// `name`, or `name` with a number appended if the name is taken.
 fn unused(anchors: &BTreeSet<String>, name: &str) -> String {
     let numbered = (1..).map(|number| format!("{name}-{number}"));
     let mut names = std::iter::once(name.to_owned()).chain(numbered);
@@ -191,13 +192,14 @@ fn unused(anchors: &BTreeSet<String>, name: &str) -> String {
         .unwrap_or_default()
 }
 
-/// Names that HTML within a document gives to a place: `<a name="gpu">`.
+/// The anchors that HTML within a document sets: `<a name="gpu">`.
 fn named(html: &str) -> impl Iterator<Item = String> + '_ {
     let names = html.split("name=\"").skip(1);
     names.filter_map(|rest| rest.split('"').next().map(str::to_owned))
 }
 
-/// The path in the repository, and the anchor, that a link of the document `path` names; none for other hosts.
+/// The path in the repository and the anchor that a link in the document `path` leads to. `None`
+/// for links to other hosts.
 fn target(path: &str, link: &str) -> Option<(String, String)> {
     if link.contains("://") || link.starts_with("mailto:") {
         return None;
@@ -218,7 +220,7 @@ fn target(path: &str, link: &str) -> Option<(String, String)> {
     Some((parts.join("/"), anchor.to_owned()))
 }
 
-/// The address of `target` on the page of `path`.
+/// The relative address of `target` from the page of `path`.
 fn address(path: &str, target: &str, anchor: &str) -> String {
     let up = "../".repeat(place(path).matches('/').count());
     let mark = if anchor.is_empty() { "" } else { "#" };

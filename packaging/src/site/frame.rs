@@ -1,8 +1,8 @@
-//! What stands around the words of each page.
+//! The HTML around the content of each page.
 
 const PAGE: &str = include_str!("../../site/page.html");
 
-/// A page with `body`, whose folder is `depth` folders below that of the site.
+/// Wraps `body` in a page whose folder lies `depth` folders below that of the site.
 pub fn framed(title: &str, depth: usize, body: &str) -> String {
     let root = "../".repeat(depth);
     let nav = match depth {
@@ -16,7 +16,7 @@ pub fn framed(title: &str, depth: usize, body: &str) -> String {
     page.replace("@TITLE@", title).replace("@BODY@", body)
 }
 
-/// A page of links as pip reads it.
+/// A page of links in the form that pip reads.
 pub fn list(title: &str, links: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"pypi:repository-version\" \

@@ -1,4 +1,4 @@
-//! The first page: what each part is and how it is installed from here.
+//! The first page: what each part is and how to install it from this site.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use super::{
     parts::{Parts, name, system_of},
 };
 
-/// Writes addresses out in full; without it the short ones stand there.
+/// A script that writes addresses out in full. Without JavaScript the page shows the relative ones.
 const ADDRESSES: &str = "<script>\nfor (const place of document.querySelectorAll(\"[data-address]\"))\n  \
     place.textContent = new URL(place.dataset.address, document.baseURI).href;\n</script>";
 
@@ -36,7 +36,7 @@ pub fn page(parts: &Parts) -> String {
     framed("Speech in, facial animation out", 0, &(body + ADDRESSES))
 }
 
-/// Titles, and the text of what is there.
+/// The title and the text of each section. The text is `None` if the site lacks that part.
 fn sections(parts: &Parts) -> [(&'static str, Option<String>); 5] {
     [
         ("Blender", blender(parts)),
@@ -122,7 +122,7 @@ fn downloads(parts: &Parts) -> Option<String> {
     })
 }
 
-/// Where a download lies: here, or the page that has them all.
+/// The address of a download on this site, or of the page that has all downloads.
 fn address(parts: &Parts, name: &str) -> String {
     match &parts.downloads_page {
         Some(page) => page.clone(),

@@ -1,4 +1,5 @@
-//! `cargo xtask site`: all that is handed out as one folder, which any host of files can serve.
+//! `cargo xtask site`: collects everything we publish in one folder, which any static file server
+//! can serve.
 
 pub mod documents;
 mod frame;
@@ -16,29 +17,33 @@ use clap::Args;
 use crate::{machine, steps::Steps};
 use parts::Parts;
 
-/// Says that a folder may be emptied, and to GitHub that its pages are ready.
+/// Marks a folder that we may empty. It also tells GitHub that the pages need no further
+/// processing.
 const MARK: &str = ".nojekyll";
 const STYLE: &str = include_str!("../../site/style.css");
 
-/// Writes target/site: a repository of Blender extensions, an index for pip, downloads, the page, the documents.
+/// Writes target/site: a repository of Blender extensions, an index for pip, downloads, the page,
+/// the documents.
 #[derive(Args)]
 pub struct Site {
-    /// Folder of what `cargo xtask package` made, of any number of systems; default `target/package`.
+    /// Folder of the packages that `cargo xtask package` made for any number of systems; default
+    /// `target/package`.
     #[arg(long)]
     packages: Option<PathBuf>,
     /// Folder that `cargo xtask web` made; default `target/web`.
     #[arg(long)]
     web: Option<PathBuf>,
-    /// Address of a page that has the downloads, which are not copied then: hosts limit the size of a site.
+    /// Address of a page that has the downloads. The site then has no copies, since hosts limit its
+    /// size.
     #[arg(long)]
     downloads: Option<String>,
-    /// Where the site goes; default `target/site`. What an earlier site left there goes.
+    /// Folder for the site; default `target/site`. An earlier site there is deleted.
     #[arg(long)]
     out: Option<PathBuf>,
 }
 
 impl Site {
-    /// Collects, writes, says what is missing.
+    /// Collects the parts, writes the site and prints what is missing.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("site")?;
         let target = machine::target();
@@ -66,7 +71,8 @@ impl Site {
     }
 }
 
-/// Makes the folder, or empties that of an earlier site; leaves folders of others alone.
+/// Creates the folder, or empties it if an earlier site wrote it. Any other folder with files is an
+/// error.
 fn empty(out: &Path) -> Result<()> {
     let is_free = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     ensure!(

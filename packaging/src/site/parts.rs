@@ -1,4 +1,4 @@
-//! What there is to hand out, by kind, and the folders of the site that hold it.
+//! The files to publish, sorted by kind, and the folders of the site that hold them.
 
 use std::{
     fmt::Write as _,
@@ -15,23 +15,24 @@ use crate::{extension, platform::Platform, python::Venv, steps::Steps};
 
 const EXTENSIONS_PAGE: &str = include_str!("../../site/extensions.html");
 
-/// Files to hand out, each list in the order of names.
+/// The files to publish. Each list is sorted by name, but the npm package comes last.
 #[derive(Default)]
 pub struct Parts {
     /// Zips of the Blender extension.
     pub extensions: Vec<PathBuf>,
     /// Wheels of the Python package.
     pub wheels: Vec<PathBuf>,
-    /// All else: C libraries, Debian packages, the npm package.
+    /// Everything else: C libraries, Debian packages, the npm package.
     pub downloads: Vec<PathBuf>,
-    /// Where downloads lie instead, if they are not part of the site.
+    /// Address of a page that has the downloads, if they are not part of the site.
     pub downloads_page: Option<String>,
-    /// The folder with the page.
+    /// The folder with the page for browsers.
     pub web: Option<PathBuf>,
 }
 
 impl Parts {
-    /// Sorts the files of `packages` by their names; takes the page of `web` and the npm package beside it.
+    /// Sorts the files in `packages` into kinds by their names. Adds the page and the npm package
+    /// in `web`.
     pub fn find(packages: &Path, web: &Path) -> Result<Self> {
         ensure!(
             packages.is_dir(),
@@ -62,7 +63,7 @@ impl Parts {
             list_extensions(steps, &folder, self.extensions.len())?;
         }
         if !self.wheels.is_empty() {
-            // PEP 503: a page of projects, and for each a page of files.
+            // PEP 503: one page lists the projects, and one page for each project lists its files.
             let folder = out.join("wheels");
             copy_all(&self.wheels, &folder.join("anyface"))?;
             let projects = "<a href=\"anyface/\">anyface</a>";
@@ -86,7 +87,7 @@ impl Parts {
         Ok(())
     }
 
-    /// What a whole release has and this lacks, in words.
+    /// Describes the parts of a complete release that are missing here.
     pub fn missing(&self) -> Vec<String> {
         let mut missing = Vec::new();
         for platform in Platform::ALL {
@@ -127,7 +128,7 @@ pub fn name(path: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-/// The system that a name ends with: `anyface-0.1.0-linux-x64.zip`.
+/// The system at the end of an archive's name: `anyface-0.1.0-linux-x64.zip`.
 pub fn system_of(path: &Path) -> Option<&'static str> {
     let name = name(path);
     let stem = [".zip", ".tar.gz"]
@@ -141,14 +142,14 @@ fn is_npm(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "tgz")
 }
 
-/// Whether one of a wheel's tags begins and ends so: `…-manylinux_2_28_x86_64.whl`.
+/// Whether one of a wheel's tags has this beginning and end: `…-manylinux_2_28_x86_64.whl`.
 fn is_tagged(name: &str, begin: &str, end: &str) -> bool {
     let tags = name.trim_end_matches(".whl").rsplit('-').next();
     let mut tags = tags.unwrap_or_default().split('.');
     tags.any(|tag| tag.starts_with(begin) && tag.ends_with(&format!("_{end}")))
 }
 
-/// The files of a folder in the order of their names, without what lies below.
+/// The files directly in a folder, sorted by name.
 fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
     let paths = entries
@@ -168,7 +169,7 @@ fn copy_all(paths: &[PathBuf], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Copies the page with all that is below, but not the npm package as an archive.
+/// Copies the page's folder with its subfolders, but without the npm archive.
 fn copy_page(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to)?;
     for entry in fs::read_dir(from)? {
@@ -196,7 +197,7 @@ fn list_extensions(steps: &mut Steps, folder: &Path, count: usize) -> Result<()>
     generate.arg(folder).arg("--html-template").arg(&template);
     let output = steps.run("list the extensions", &mut generate)?;
     fs::remove_file(template)?;
-    // The tool goes on after a zip that it cannot read, and after two for the same system.
+    // The tool carries on if it cannot read a zip or finds two for the same system.
     let list = fs::read_to_string(folder.join("index.json"))?;
     let list: serde_json::Value = serde_json::from_str(&list)?;
     let listed = list["data"].as_array().map_or(0, Vec::len);
@@ -206,7 +207,7 @@ fn list_extensions(steps: &mut Steps, folder: &Path, count: usize) -> Result<()>
     Ok(())
 }
 
-/// A line for each wheel, with what pip compares.
+/// One link for each wheel, with the digest and the Python version that pip checks.
 fn wheel_links(wheels: &[PathBuf]) -> Result<String> {
     let mut links = String::new();
     for path in wheels {

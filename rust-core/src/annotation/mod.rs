@@ -1,4 +1,4 @@
-//! What is said when: phones, words or mouth shapes with their times, and the files that hold them.
+//! Annotations of speech: phones, words or mouth shapes with their times, and their file formats.
 //!
 //! The terms are those of Praat: an annotation has tiers, a tier has intervals, an interval a label.
 
@@ -19,7 +19,7 @@ use crate::{
 pub use symbols::Symbols;
 pub use tiers::{Annotation, CLOSED, Interval, Tier};
 
-/// Kinds of files.
+/// File formats of annotations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnnotationFormat {
     /// Praat's text file, long or short.
@@ -32,12 +32,12 @@ pub enum AnnotationFormat {
     Papagayo,
     /// Moho's switch data, which Papagayo and Rhubarb export; counts frames from 1.
     MohoSwitch,
-    /// Lines of start, end and label, as of Audacity's labels.
+    /// Lines of start, end and label, as in Audacity's label files.
     Plain,
 }
 
 impl AnnotationFormat {
-    /// From the extension of a file name.
+    /// Picks the format by the extension of a file name.
     ///
     /// # Errors
     /// `InvalidInput` for any other extension.
@@ -60,11 +60,12 @@ impl AnnotationFormat {
 }
 
 impl Annotation {
-    /// Reads a file of the format that its extension names; `fps` is what frames of .dat count, which
-    /// does not say so itself.
+    /// Reads a file in the format that its extension names. `fps` is the frame rate of a .dat file,
+    /// which does not state it.
     ///
     /// # Errors
-    /// `Io`; `InvalidInput` for another extension, or with file and line for what cannot be read.
+    /// `Io`; `InvalidInput` for another extension, or with file and line for text that it cannot
+    /// read.
     pub fn read(path: &Path, fps: f64) -> Result<Annotation> {
         let format = AnnotationFormat::from_path(path)?;
         let bytes = read_file(path, InputKind::Text)?;
@@ -73,15 +74,15 @@ impl Annotation {
         parse(&text, format, fps).map_err(named)
     }
 
-    /// The same of a text; errors begin with the number of the line.
+    /// Reads a text in the given format. Errors begin with the line number.
     ///
     /// # Errors
-    /// `InvalidInput` with the line for what cannot be read.
+    /// `InvalidInput` with the line that cannot be read.
     pub fn from_text(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation> {
         parse(text, format, fps).map_err(Error::InvalidInput)
     }
 
-    /// Writes the format that the extension names; see [`Annotation::to_text`].
+    /// Writes a file in the format that its extension names; see [`Annotation::to_text`].
     ///
     /// # Errors
     /// `InvalidInput` for another extension, `Io`.
@@ -92,10 +93,11 @@ impl Annotation {
         })
     }
 
-    /// As a text; `fps` is what formats of frames count, rounded to whole ones.
+    /// Writes the annotation as text. Formats that count frames round each time to a whole frame at
+    /// `fps`. A Papagayo project rounds `fps` itself, too.
     ///
-    /// Formats of mouth shapes get phones as their shapes, and between intervals the shape of a mouth
-    /// that is neither closed nor wide: `B` of Rhubarb, `etc` of Papagayo.
+    /// Formats of mouth shapes get each phone as its shape. Gaps between intervals get the shape of
+    /// a mouth that is neither closed nor wide: `B` of Rhubarb, `etc` of Papagayo.
     pub fn to_text(&self, format: AnnotationFormat, fps: f64) -> String {
         match format {
             AnnotationFormat::TextGrid => text_grid::write(self),
@@ -119,7 +121,7 @@ fn parse(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation, S
     }
 }
 
-/// UTF-8, or UTF-16 with a mark of its order, which Praat writes where a label needs it.
+/// Decodes UTF-8, or UTF-16 with a byte-order mark, which Praat writes if a label needs it.
 fn decode(bytes: &[u8]) -> Result<String, String> {
     let wide = |order: fn([u8; 2]) -> u16| {
         let (pairs, _) = bytes[2..].as_chunks::<2>();

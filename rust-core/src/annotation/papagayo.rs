@@ -10,7 +10,7 @@ use super::{
 const SWITCH: &str = "MohoSwitch1";
 const PROJECT: &str = "lipsync version 1";
 
-/// Lines of a project, one after the other; empty ones count.
+/// Hands out the lines of a project one by one, empty lines too.
 struct Lines<'a>(std::iter::Enumerate<std::str::Lines<'a>>);
 
 impl<'a> Lines<'a> {
@@ -25,7 +25,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Phones and words of the first voice.
+/// Reads the phones and words of the first voice.
 pub(super) fn read_project(text: &str) -> Result<Annotation, String> {
     let mut lines = Lines(text.lines().enumerate());
     let (line, header) = lines.next(PROJECT)?;
@@ -58,7 +58,7 @@ pub(super) fn read_project(text: &str) -> Result<Annotation, String> {
     Ok(finished(tiers.into(), duration_s))
 }
 
-/// A word with its last frame, and the first frame of each of its phones.
+/// Reads a word with its first and last frame, and its phones with their first frames.
 fn word(lines: &mut Lines<'_>, fps: f64, tiers: &mut [Tier; 2]) -> Result<(), String> {
     const EXPECTED: &str = "a word, its first and last frame and its number of phonemes";
     let (line, row) = lines.next(EXPECTED)?;
@@ -96,7 +96,7 @@ fn word(lines: &mut Lines<'_>, fps: f64, tiers: &mut [Tier; 2]) -> Result<(), St
     Ok(())
 }
 
-/// Frames count from 1 on. Each mouth lasts until the next frame in the list.
+/// Frames count from 1. Each mouth lasts until the next frame in the list.
 pub(super) fn read_switch(text: &str, fps: f64) -> Result<Annotation, String> {
     let mut rows = super::plain::rows(text);
     match rows.next() {
@@ -138,7 +138,7 @@ pub(super) fn write_switch(annotation: &Annotation, fps: f64) -> String {
 }
 
 /// Writes one voice and phrase. A word of the annotation gets the phones inside it. A phone outside
-/// of words becomes a word.
+/// all words becomes a word of its own.
 pub(super) fn write_project(annotation: &Annotation, fps: f64) -> String {
     let fps = fps.round().max(1.0);
     let frame = |time_s: f64| (time_s * fps).round() as u64;

@@ -1,4 +1,4 @@
-//! Lines of start, end and label in seconds; Audacity's labels are such a file.
+//! Lines of start and end in seconds and a label, as in Audacity's label files.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use super::{
     tiers::{finished, interval, time, wrong},
 };
 
-/// Lines that hold something, with their numbers; `#` begins a remark.
+/// The numbered lines that are neither empty nor a remark, which begins with `#`.
 pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let numbered = text.lines().enumerate();
     let numbered = numbered.map(|(number, row)| (number + 1, row.trim()));
@@ -29,7 +29,7 @@ pub(super) fn read(text: &str) -> Result<Annotation, String> {
     Ok(finished(vec![Tier { symbols, intervals }], 0.0))
 }
 
-/// What a mouth shows, else the first tier: lines have no place for a second.
+/// Writes what a mouth shows, or else the first tier. Lines have no place for a second tier.
 pub(super) fn write(annotation: &Annotation) -> String {
     let mut out = String::new();
     let (_, mut intervals) = annotation.shown();

@@ -66,7 +66,7 @@ pub(super) fn read_json(text: &str) -> Result<Annotation, String> {
         .enumerate()
         .filter(|(_, row)| row.contains("\"value\""));
     for cue in file.cues {
-        // Several cues may share a line: this is the latest of them.
+        // This assumes one cue a line. Where cues share a line, the number may be wrong.
         let line = lines.next().map_or(1, |(number, _)| number + 1);
         if !SHAPES.contains(&cue.value.as_str()) {
             return Err(wrong(line, EXPECTED, &cue.value));

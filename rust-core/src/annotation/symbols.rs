@@ -5,19 +5,19 @@
 pub enum Symbols {
     /// Phones: IPA, ARPABET with or without stress, or [`super::CLOSED`].
     Phones,
-    /// Only those phones that close the lips. Beside other tiers, this tier alone says when lips
-    /// close.
+    /// Only the phones that close the lips. Where an annotation has such a tier, it alone says when
+    /// the lips close.
     Closures,
     /// Words.
     Words,
     /// Rhubarb's mouth shapes A to H and X, after Hanna-Barbera.
     Rhubarb,
-    /// Papagayo's ten mouths, of Preston Blair (Cartoon Animation, 1994): AI, E, O, U, L, WQ, MBP, FV,
-    /// etc, rest.
+    /// Papagayo's ten mouths, after Preston Blair (Cartoon Animation, 1994): AI, E, O, U, L, WQ,
+    /// MBP, FV, etc, rest.
     Papagayo,
 }
 
-/// Phones, Papagayo's mouth for them, Rhubarb's.
+/// Phones, their mouth in Papagayo and their mouth in Rhubarb.
 const MOUTHS: [(&[&str], &str, &str); 9] = [
     (&["p", "b", "m", "em", "mbp"], "MBP", "A"),
     (&["f", "v", "fv"], "FV", "G"),
@@ -37,16 +37,16 @@ const MOUTHS: [(&[&str], &str, &str); 9] = [
     ),
     (&["rest", "sil", "sp", "spn", "<eps>", "_"], "rest", "X"),
 ];
-/// Consonants that move neither lips nor jaw much; with those of [`MOUTHS`] all of ARPABET.
+/// Consonants that barely move lips and jaw. Together with [`MOUTHS`], all of CMU's ARPABET.
 const OTHERS: [&str; 29] = [
     "ch", "d", "dh", "dx", "en", "g", "hh", "jh", "k", "n", "ng", "r", "s", "sh", "t", "th", "z",
     "zh", "etc", "θ", "ð", "ʃ", "ʒ", "ɹ", "ʁ", "j", "ɡ", "ŋ", "x",
 ];
-/// Phones that are words by themselves in many languages.
+/// Phones that are also words in many languages.
 const VOWELS: [&str; 6] = ["a", "e", "i", "o", "u", "y"];
 
 impl Symbols {
-    /// The name of a tier of them.
+    /// The name of a tier with such labels.
     pub fn name(self) -> &'static str {
         match self {
             Symbols::Phones => "phones",
@@ -57,7 +57,7 @@ impl Symbols {
         }
     }
 
-    /// Guesses from the name of a tier, such as `Anna - phones`, else from how the labels look.
+    /// Guesses from the name of a tier, such as `Anna - phones`, or else from its labels.
     pub(super) fn guess<'a>(name: &str, labels: impl Iterator<Item = &'a str>) -> Symbols {
         let name = name.to_lowercase();
         let says = [
@@ -79,7 +79,7 @@ impl Symbols {
         }
     }
 
-    /// Whether the lips are closed for a label.
+    /// Whether the lips close for a label.
     pub fn closes_lips(self, label: &str) -> bool {
         match self {
             Symbols::Words => false,
@@ -89,7 +89,7 @@ impl Symbols {
         }
     }
 
-    /// A label as a mouth shape of `to`.
+    /// Turns a label into the matching mouth shape of `to`.
     pub(crate) fn as_shape(self, label: &str, to: Symbols) -> String {
         if self == to || to == Symbols::Phones {
             return label.to_owned();
@@ -109,7 +109,7 @@ impl Symbols {
         }
     }
 
-    /// The shape of a mouth that is neither closed nor wide; empty where labels are no shapes.
+    /// The shape of a mouth that is neither closed nor wide; empty if labels are not mouth shapes.
     pub(super) fn between(self) -> &'static str {
         match self {
             Symbols::Rhubarb => "B",
@@ -119,13 +119,13 @@ impl Symbols {
     }
 }
 
-/// A phone in small letters without ARPABET's stress.
+/// A phone in lower case, without ARPABET's stress.
 fn plain(label: &str) -> String {
     let label = label.trim().to_lowercase();
     label.trim_end_matches(['0', '1', '2']).to_owned()
 }
 
-/// Whether a phone is p, b, m or one of these with marks: `pʰ`, `mʲ`, `b̥`, `pf`, `p_h`.
+/// Whether a phone is p, b or m, or one of these with marks: `pʰ`, `mʲ`, `b̥`, `pf`, `p_h`.
 fn is_bilabial(phone: &str) -> bool {
     if MOUTHS[0].0.contains(&phone) {
         return true;
@@ -136,7 +136,7 @@ fn is_bilabial(phone: &str) -> bool {
     first && (rest == "f" || rest.starts_with('_') || rest.chars().all(|c| !c.is_ascii()))
 }
 
-/// Whether a plain label is a phone of ARPABET, Papagayo or the recogniser. A word seldom is.
+/// Whether a plain label is a phone of ARPABET, Papagayo or the recogniser. Words seldom are.
 fn is_phone(phone: &String) -> bool {
     let mut shown = MOUTHS.iter().flat_map(|(phones, ..)| phones.iter());
     shown.any(|known| known == phone) || OTHERS.contains(&phone.as_str()) || is_bilabial(phone)

@@ -33,7 +33,7 @@ fn times_of_files_in_seconds_are_exact_to_a_millisecond() {
     }
 }
 
-/// As the Montreal Forced Aligner and Praat write them.
+/// A short TextGrid as the Montreal Forced Aligner and Praat write it.
 const SHORT: &str = "File type = \"ooTextFile\"\nObject class = \"TextGrid\"\n\n0\n1.5\n<exists>\n2\n\
     \"IntervalTier\"\n\"words\"\n0\n1.5\n2\n0\n0.9\n\"\"\n0.9\n1.5\n\"say \"\"hm\"\"\"\n\
     \"IntervalTier\"\n\"Anna - phones\"\n0\n1.5\n3\n0\n0.5\n\"AH0\"\n0.5\n0.9\n\"pʰ\"\n0.9\n1.5\n\"s\"\n";
@@ -164,7 +164,7 @@ fn files_are_named_in_errors_and_told_by_their_extension() {
     assert!(message.contains(".TextGrid"), "{message}");
 }
 
-/// What a recogniser hears: `pa` said as a word, with a p that the closures do not have, at the end.
+/// What a recogniser hears: the word `pap`. The closures leave out its last p.
 fn said() -> Annotation {
     let row = |start_s, end_s, label: &str| Interval {
         start_s,

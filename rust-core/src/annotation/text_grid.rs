@@ -1,8 +1,8 @@
 //! Praat's TextGrid, in long or short text.
 //!
 //! Praat itself reads only the free-standing numbers, quoted texts and flags of such a file and
-//! skips the rest (Praat manual, "TextGrid file formats"). So the long and the short form are the
-//! same.
+//! skips the rest (Praat manual, "TextGrid file formats"). Read this way, the long and the short
+//! form are the same.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use super::{
     tiers::{finished, interval, time, wrong},
 };
 
-/// A number or text, and its line.
+/// A number, flag or quoted text.
 enum Token<'a> {
     Bare(&'a str),
     Quoted(String),
@@ -181,7 +181,7 @@ pub(super) fn write(annotation: &Annotation) -> String {
     out
 }
 
-/// Intervals that touch from 0 to the end, as Praat requires. Those that fill gaps have no label.
+/// Fills gaps with unlabelled intervals: Praat requires intervals that touch, from 0 to the end.
 fn without_gaps(intervals: &[Interval], end_s: f64) -> Vec<(f64, f64, &str)> {
     let (mut out, mut at) = (Vec::new(), 0.0);
     for interval in intervals.iter().filter(|i| i.start_s < end_s) {

@@ -1,12 +1,12 @@
-//! Tiers of intervals, and how lines of files become them.
+//! Tiers of intervals, and helpers that make them from lines of files.
 
 use super::symbols::Symbols;
 use crate::{Error, Result};
 
-/// Label of an interval in which the lips are heard to be together, for p, b or m.
+/// Label of an interval in which the lips are heard to be closed, for p, b or m.
 pub const CLOSED: &str = "MBP";
 
-/// What is said when.
+/// What is said, and when.
 ///
 /// ```
 /// use anyface::annotation::{Annotation, AnnotationFormat};
@@ -21,16 +21,16 @@ pub const CLOSED: &str = "MBP";
 pub struct Annotation {
     /// In the order of the file.
     pub tiers: Vec<Tier>,
-    /// Length of the sound in seconds, where it is known; else the end of the last interval.
+    /// Length of the sound in seconds if it is known, or else the end of the last interval.
     pub duration_s: f64,
 }
 
 /// Intervals of one kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tier {
-    /// What its labels are.
+    /// The kind of its labels.
     pub symbols: Symbols,
-    /// In rising order; none is empty of a label.
+    /// In rising order; each has a label.
     pub intervals: Vec<Interval>,
 }
 
@@ -46,7 +46,7 @@ pub struct Interval {
 }
 
 impl Annotation {
-    /// One tier that says where lips are together: `[start_s, end_s]` in rising order.
+    /// Makes one tier from the times when the lips are closed: `[start_s, end_s]` in rising order.
     pub fn of_closures(closures: &[[f64; 2]], duration_s: f64) -> Annotation {
         let interval = |&[start_s, end_s]: &[f64; 2]| Interval {
             start_s,
@@ -62,11 +62,11 @@ impl Annotation {
         }
     }
 
-    /// Where lips are together: the intervals `[start_s, end_s]` of p, b, m and their kin, of the tier of
-    /// closures, else of the first one that can tell.
+    /// When the lips are closed: the intervals `[start_s, end_s]` of p, b, m and similar phones.
+    /// They come from the tier of closures, or else from the first tier that is not one of words.
     ///
     /// # Errors
-    /// `InvalidInput` where there are words alone.
+    /// `InvalidInput` if there are only words, or no tiers at all.
     pub fn closures(&self) -> Result<Vec<[f64; 2]>> {
         let tier = self.tier(Symbols::Closures).or_else(|| self.first_shown());
         let tier = tier.ok_or_else(|| {
@@ -81,7 +81,7 @@ impl Annotation {
         Ok(closed.map(|i| [i.start_s, i.end_s]).collect())
     }
 
-    /// The intervals of the first tier of these symbols; none where there is no such tier.
+    /// The intervals of the first tier with these symbols; empty if there is no such tier.
     pub fn intervals(&self, symbols: Symbols) -> &[Interval] {
         self.tier(symbols).map_or(&[], |tier| &tier.intervals)
     }
@@ -90,14 +90,15 @@ impl Annotation {
         self.tiers.iter().find(|tier| tier.symbols == symbols)
     }
 
-    /// The first tier that a mouth shows.
+    /// The first tier that a mouth can show, which is any but words.
     fn first_shown(&self) -> Option<&Tier> {
         let shown = |tier: &&Tier| tier.symbols != Symbols::Words;
         self.tiers.iter().find(shown)
     }
 
-    /// What a mouth shows, for files that have one tier: the first tier that says it; where there are
-    /// closures and phones, the phones with the closures over them, which alone close the lips.
+    /// What a mouth shows, for formats with a single tier: the first tier that is not one of words.
+    /// With both closures and phones, it shows the phones outside the closures. Only the closures
+    /// close the lips.
     pub(super) fn shown(&self) -> (Symbols, Vec<Interval>) {
         let (closures, phones) = (self.tier(Symbols::Closures), self.tier(Symbols::Phones));
         let (Some(closures), Some(phones)) = (closures, phones) else {
@@ -115,7 +116,7 @@ impl Annotation {
         (Symbols::Phones, out)
     }
 
-    /// What is said in the formats of mouth shapes: intervals that touch, from 0 to the end.
+    /// What a mouth shows as mouth shapes of `to`: intervals without gaps, from 0 to the end.
     pub(super) fn filled(&self, to: Symbols) -> Vec<Interval> {
         let (from, intervals) = self.shown();
         let (mut out, mut at): (Vec<Interval>, f64) = (Vec::new(), 0.0);
@@ -124,7 +125,7 @@ impl Annotation {
             end_s,
             label: to.between().into(),
         };
-        // Where a label lasts to the next, the last one only says where the sound ends.
+        // In formats whose labels last until the next one, the last label only marks the end.
         for interval in intervals.iter().filter(|i| i.start_s < self.duration_s) {
             if interval.start_s > at {
                 out.push(gap(at, interval.start_s));
@@ -142,7 +143,7 @@ impl Annotation {
     }
 }
 
-/// The parts of an interval that none of `others`, in rising order, covers.
+/// The parts of an interval that `others` leave uncovered. `others` are in rising order.
 fn outside(interval: &Interval, others: &[Interval]) -> Vec<Interval> {
     let (mut out, mut at) = (Vec::new(), interval.start_s);
     let mut add = |start_s: f64, end_s: f64| {
@@ -163,7 +164,7 @@ fn outside(interval: &Interval, others: &[Interval]) -> Vec<Interval> {
     out
 }
 
-/// Tiers with what is known of the end; tiers without a label are left out, unless all are.
+/// An annotation of `tiers` that ends at `duration_s` or with the last interval, if that is later.
 pub(super) fn finished(tiers: Vec<Tier>, duration_s: f64) -> Annotation {
     let ends = tiers.iter().flat_map(|tier| &tier.intervals);
     let last = ends.map(|i| i.end_s).fold(0.0, f64::max);
@@ -173,12 +174,12 @@ pub(super) fn finished(tiers: Vec<Tier>, duration_s: f64) -> Annotation {
     }
 }
 
-/// What was expected in a line, and what stands there.
+/// Says what was expected in a line, and what is there instead.
 pub(super) fn wrong(line: usize, expected: &str, got: &str) -> String {
     format!("{line}: expected {expected}, got {got:?}")
 }
 
-/// A time in seconds that can be.
+/// Reads a time in seconds, finite and at least 0.
 pub(super) fn time(line: usize, text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds.is_finite() && seconds >= 0.0 => Ok(seconds),
@@ -186,7 +187,7 @@ pub(super) fn time(line: usize, text: &str) -> Result<f64, String> {
     }
 }
 
-/// An interval whose end is not before its start, nor its start before `after_s`.
+/// Makes an interval that does not start before `after_s` or end before it starts.
 pub(super) fn interval(
     line: usize,
     times: [f64; 2],
@@ -194,7 +195,7 @@ pub(super) fn interval(
     after_s: f64,
 ) -> Result<Interval, String> {
     let [start_s, end_s] = times;
-    // Half a hundred-thousandth of a second is rounding of the file.
+    // Files round their times, so an overlap of up to 5 µs is allowed.
     if end_s < start_s || start_s < after_s - 5e-6 {
         return Err(format!(
             "{line}: expected an interval that begins at {after_s} s or later and does not end \

@@ -1,4 +1,4 @@
-//! Everything but plain WAV, through symphonia: MP3, FLAC, Ogg, WebM, M4A, CAF, AIFF and odd WAVs.
+//! Decodes all but plain WAV with symphonia: MP3, FLAC, Ogg, WebM, M4A, CAF, AIFF and odd WAVs.
 
 use std::{borrow::Cow, io::Read, path::Path, sync::LazyLock};
 
@@ -36,20 +36,20 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Damaged packets in a row after which a file is given up.
+/// The most damaged packets in a row before decoding gives up on a file.
 const DAMAGE_LIMIT: u32 = 100;
 
 const FORMATS: &str =
     "WAV, MP3, FLAC, Ogg or WebM (Vorbis or Opus), M4A (AAC or ALAC), AAC, CAF or AIFF";
 
-/// Frames before the sound in an MP3 without a LAME header: 576 of the coder, as LAME has them, and
-/// 529 of every decoder.
+/// Frames before the sound in an MP3 without a LAME header. The coder adds 576, as LAME does, and
+/// every decoder adds 529.
 const MP3_DELAY: usize = 1_105;
-/// Least number of frames before the sound in AAC: one block. Coders that add more say so in an
-/// edit list.
+/// The fewest frames before the sound in AAC: one block. Coders that add more say so in an edit
+/// list.
 const AAC_DELAY: usize = 1_024;
 
-/// Frames before the sound in Opus without a header, as in CAF: those of libopus.
+/// Frames before the sound in Opus without a header, as in CAF: as many as libopus adds.
 const OPUS_DELAY: usize = 312;
 
 static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
@@ -59,7 +59,7 @@ static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
     codecs
 });
 
-/// Decodes the first audio track of the file into `out`, and says how much of it is lost.
+/// Decodes the first audio track of the file into `out`. Returns how much of it is lost.
 pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Option<SoundDamage>> {
     let mut format = open(path, source)?;
     let (track, mut decoder) = open_track(path, format.as_ref())?;
@@ -91,7 +91,7 @@ pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Opti
                 damaged = 0;
                 sound.take(path, &decoded)?;
             }
-            // A decoder reads no file: its error of reading means that a packet ends too early.
+            // A decoder reads no file, so its I/O error means that a packet ends too early.
             Err(StreamError::DecodeError(_) | StreamError::IoError(_))
                 if damaged < DAMAGE_LIMIT =>
             {
@@ -118,7 +118,7 @@ pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Opti
     }
 }
 
-/// Frames before the sound that the decoder leaves in, for a file without an edit list.
+/// How many frames the decoder leaves before the sound, for a file without an edit list.
 fn before(track: &Track, parameters: &AudioCodecParameters) -> usize {
     let stated = track.delay.filter(|frames| *frames > 0);
     let stated = stated.map(|frames| frames as usize);
@@ -133,12 +133,12 @@ fn before(track: &Track, parameters: &AudioCodecParameters) -> usize {
     }
 }
 
-/// What a track loses in decoding.
+/// Counts how much of a track is lost in decoding.
 struct Loss {
     time_base: Option<TimeBase>,
-    /// Length of the track, where the file says it.
+    /// Length of the track less one packet, if the file states the length.
     expected: Option<Duration>,
-    /// Packets that do not decode and gaps between them, in ticks.
+    /// Length of the packets that do not decode and of the gaps between packets, in ticks.
     lost: u64,
     /// Where the next packet starts.
     next: Option<i64>,
@@ -147,7 +147,7 @@ struct Loss {
 impl Loss {
     fn of(track: &Track, parameters: &AudioCodecParameters, trusts_length: bool) -> Loss {
         let stated = track.duration.filter(|d| d.get() > 0 && trusts_length);
-        // Some files count whole packets, even where the last one is not full.
+        // Some files count whole packets even if the last one is not full.
         let packet = Duration::from(parameters.max_frames_per_packet.unwrap_or(0));
         Loss {
             time_base: track.time_base,
@@ -161,7 +161,7 @@ impl Loss {
         let start = packet.pts.get();
         let gap = self.next.map_or(0, |next| start.saturating_sub(next));
         self.lost = self.lost.saturating_add(u64::try_from(gap).unwrap_or(0));
-        // A packet of WebM need not state its length. Then a gap after it stays unknown.
+        // A packet of WebM need not state its length. Then a gap after it goes unnoticed.
         let length = i64::try_from(packet.dur.get()).unwrap_or(i64::MAX);
         self.next = (length > 0).then(|| start.saturating_add(length));
     }
@@ -170,7 +170,7 @@ impl Loss {
         self.lost = self.lost.saturating_add(length.get());
     }
 
-    /// `got_s`: length of what was decoded.
+    /// `got_s`: length of the decoded sound.
     fn damage(&self, got_s: f64) -> Option<SoundDamage> {
         let seconds = |ticks: Duration| {
             let time = self.time_base?.calc_duration(ticks)?;
@@ -186,11 +186,11 @@ impl Loss {
     }
 }
 
-/// Whether the file itself states the length that the format reader gives. For an MP3 without a
-/// Xing, LAME or Fraunhofer header the reader guesses it from the first frames.
+/// Whether the length that the format reader gives is stated in the file. For an MP3 without a
+/// Xing, LAME or Fraunhofer header, the reader guesses the length from the first frames.
 fn trusts_length(source: &Source) -> Result<bool> {
     let mut start = Vec::new();
-    // Tags may hold pictures: a header behind them is not sought.
+    // Tags may hold pictures. A header behind more than 64 KiB of them is not found.
     if source
         .read()?
         .take(1 << 16)
@@ -261,8 +261,8 @@ fn open_track<'a>(
     Ok((track, decoder))
 }
 
-/// The parameters that a decoder of A-law or µ-law accepts. CAF states 8 bits a sample, as coded.
-/// The decoder asks for the 16 that come out.
+/// The parameters that a decoder of A-law or µ-law accepts. CAF states 8 bits a sample, the coded
+/// size, but the decoder expects the decoded size, 16. So both sizes are left out.
 fn expanded(parameters: &AudioCodecParameters) -> Cow<'_, AudioCodecParameters> {
     match parameters.codec {
         CODEC_ID_PCM_ALAW | CODEC_ID_PCM_MULAW => Cow::Owned(AudioCodecParameters {
@@ -274,17 +274,17 @@ fn expanded(parameters: &AudioCodecParameters) -> Cow<'_, AudioCodecParameters> 
     }
 }
 
-/// Decoded samples on their way to the intake, which opens with the first packet's layout.
+/// Passes decoded samples to the intake, which the first packet opens with its layout.
 struct Sound<'a> {
     /// Where the intake will deliver.
     out: Option<Take<'a>>,
     edit: Option<Edit>,
-    /// Frames before the sound where there is no edit.
+    /// Frames before the sound if there is no edit.
     before: usize,
     intake: Option<Intake<'a>>,
     layout: (usize, u32),
     interleaved: Vec<f32>,
-    /// Frames that were decoded.
+    /// Frames decoded so far.
     frames: u64,
 }
 
@@ -301,7 +301,7 @@ impl<'a> Sound<'a> {
         }
     }
 
-    /// Length of all that was decoded.
+    /// Length of everything decoded so far.
     fn seconds(&self) -> f64 {
         self.frames as f64 / f64::from(self.layout.1.max(1))
     }

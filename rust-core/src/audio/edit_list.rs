@@ -1,11 +1,11 @@
 //! The part of an MP4 audio track that a player plays (ISO/IEC 14496-12, 8.6.6 `elst`).
 //!
 //! AAC encoders put 1024 to 2112 samples of start-up before the sound and say so in the edit list.
-//! symphonia decodes them as sound. If they stayed, lips would run 20 to 130 ms late.
+//! symphonia decodes these samples as sound. If they stayed, lips would run 20 to 130 ms late.
 
 use std::io::{Read, Seek, SeekFrom};
 
-/// Largest movie header that is read; that of a ten-hour file is under 10 MB.
+/// The most bytes of a movie header that are read. A ten-hour file has under 10 MB.
 const LARGEST_HEADER: u64 = 64 << 20;
 
 /// What to keep of a decoded track.
@@ -17,7 +17,7 @@ pub(super) struct Edit {
     pub length_s: Option<f64>,
 }
 
-/// Reads the edit of the first audio track; `None` where the file is no MP4 or has no simple edit.
+/// Reads the edit of the first audio track; `None` if the file is no MP4 or has no simple edit.
 pub(super) fn read(mut file: impl Read + Seek) -> Option<Edit> {
     let header = movie_header(&mut file)?;
     let movie_scale = timescale(child(&header, b"mvhd")?)?;
@@ -67,7 +67,7 @@ fn movie_header(file: &mut (impl Read + Seek)) -> Option<Vec<u8>> {
     None
 }
 
-/// Walks the boxes side by side in `data`: kind and body of each.
+/// Walks the boxes that follow each other in `data`. Yields the kind and body of each.
 fn boxes(mut data: &[u8]) -> impl Iterator<Item = (&[u8; 4], &[u8])> {
     std::iter::from_fn(move || {
         let size = u32_at(data, 0)? as usize;
@@ -89,13 +89,13 @@ fn is_audio(track: &[u8]) -> Option<bool> {
     Some(handler.get(8..12)? == b"soun")
 }
 
-/// Ticks per second of an `mvhd` or `mdhd` box; version 1 has 64-bit dates before it.
+/// Ticks per second in an `mvhd` or `mdhd` box. In version 1, 64-bit dates come before the number.
 fn timescale(body: &[u8]) -> Option<f64> {
     let at = if *body.first()? == 1 { 20 } else { 12 };
     u32_at(body, at).filter(|t| *t > 0).map(f64::from)
 }
 
-/// Duration in movie ticks and start in media ticks of a list with one edit that is not empty.
+/// Duration in movie ticks and start in media ticks, if the list has just one edit, not empty.
 fn first_edit(body: &[u8]) -> Option<(u64, u64)> {
     if u32_at(body, 4)? != 1 {
         return None;

@@ -1,4 +1,4 @@
-//! A sound from a file, whole or stretch by stretch.
+//! Reads a sound from a file, whole or stretch by stretch.
 
 use std::{
     ops::Range,
@@ -20,11 +20,11 @@ use crate::{
     job::{ProgressFn, SILENT, outside::guarded, report},
 };
 
-/// A sound that lost more than this share is refused, unless the caller allows it.
+/// A file that lost more than this share of its sound is refused, unless the caller allows it.
 pub const LARGEST_LOSS: f64 = 0.2;
-/// A sound up to this length is kept in memory whole, seconds.
+/// Sounds up to this length are kept in memory whole, seconds.
 pub const WHOLE_S: f64 = 600.0;
-/// Decoded pieces that may wait for their receiver.
+/// The most decoded pieces that may wait for the receiver.
 const AHEAD: usize = 8;
 
 /// A sound in a file that was decoded once from beginning to end.
@@ -43,11 +43,11 @@ pub struct SoundFile {
     source: Source,
     /// How long and how loud it is.
     pub levels: Levels,
-    /// What could not be read.
+    /// The part that could not be read.
     pub damage: Option<SoundDamage>,
     /// Sum of squares of each hop of 10 ms.
     energies: Vec<f32>,
-    /// All of a sound of [`WHOLE_S`] or less.
+    /// The whole sound, if it lasts [`WHOLE_S`] or less.
     waveform: Option<Waveform>,
 }
 
@@ -55,7 +55,7 @@ impl SoundFile {
     /// Decodes a file as [`Waveform::from_file`] does, and reports what is missing: samples that a
     /// header promises, packets that do not decode, gaps between pages.
     ///
-    /// `any_damage`: whether to accept a sound of which more than a fifth is missing.
+    /// `any_damage`: whether to accept a file that lacks more than a fifth of its sound.
     ///
     /// # Errors
     /// Those of [`Waveform::from_file`]; `Cancelled`.
@@ -106,10 +106,10 @@ impl SoundFile {
         &self.energies
     }
 
-    /// All of it, however long.
+    /// The whole sound, however long.
     ///
     /// # Errors
-    /// Those of [`SoundFile::read`], where the file has changed since.
+    /// Those of [`SoundFile::read`], if the file has changed since.
     pub fn whole(self, progress: ProgressFn<'_>) -> Result<Waveform> {
         if let Some(waveform) = self.waveform {
             return Ok(waveform);
@@ -127,7 +127,7 @@ impl SoundFile {
     /// overlap. Only one is in memory at a time.
     ///
     /// # Errors
-    /// Those of [`SoundFile::read`], where the file has changed since, and those of `take`.
+    /// Those of [`SoundFile::read`], if the file has changed since, and those of `take`.
     pub(crate) fn stretches(
         self,
         stretches: &[Range<usize>],
@@ -144,8 +144,8 @@ impl SoundFile {
                 _ => cut.add(&waveform.samples, take),
             };
         }
-        // The decoder has a thread of its own, so that an error of `take` is not reported as one of
-        // the file.
+        // The decoder runs on a thread of its own, so that an error of `take` is not reported as an
+        // error of the file.
         thread::scope(|scope| {
             let (give, pieces) = sync_channel::<Vec<f32>>(AHEAD);
             let file = &self;
@@ -183,7 +183,7 @@ impl SoundFile {
 #[derive(Default)]
 struct Energies {
     of_hops: Vec<f32>,
-    /// Samples of the last hop.
+    /// How many samples the last hop has so far.
     samples: usize,
 }
 
@@ -204,10 +204,10 @@ impl Energies {
 
 /// Cuts stretches out of pieces that follow each other.
 struct Cut<'a> {
-    /// Those that are still to come.
+    /// The stretches that are still to come.
     stretches: &'a [Range<usize>],
     samples: Vec<f32>,
-    /// Number of the first sample in `samples`.
+    /// Index in the sound of the first sample in `samples`.
     first: usize,
 }
 
@@ -232,7 +232,7 @@ impl Cut<'_> {
     }
 }
 
-/// Adds the file's name to errors of samples and decoders.
+/// Adds the file's name to audio errors that lack it.
 fn named(path: &Path, error: Error) -> Error {
     let shown = path.display().to_string();
     match error {
@@ -251,8 +251,8 @@ impl Waveform {
     ///
     /// # Errors
     /// `Io` if the file cannot be read; `Audio` if it cannot be decoded, holds no sample, holds samples
-    /// that are not finite or beyond ±[`LOUDEST`](super::LOUDEST), or is damaged so that more than a fifth is missing
-    /// ([`SoundFile::read`] tells how much).
+    /// that are not finite or beyond ±[`LOUDEST`](super::LOUDEST), or is so damaged that more than
+    /// a fifth is missing ([`SoundFile::read`] tells how much).
     pub fn from_file(path: &Path) -> Result<Self> {
         SoundFile::read(path, false, SILENT)?.whole(SILENT)
     }

@@ -1,4 +1,4 @@
-//! Where decoders deliver: mixes to mono, checks every sample, resamples.
+//! Takes samples from the decoders, mixes them to mono, checks each one and resamples.
 
 use super::{
     resample::{Take, ToSpeechRate},
@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{Error, Result, job::outside::guarded};
 
-/// Takes interleaved samples in any number of pieces and passes them on as the speech models need
+/// Takes interleaved samples in any number of pieces. Passes them on as the speech models need
 /// them: mono, at one rate.
 pub(super) struct Intake<'a> {
     out: Take<'a>,
@@ -15,7 +15,7 @@ pub(super) struct Intake<'a> {
     /// Reused mono buffer.
     mono: Vec<f32>,
     frames: u64,
-    /// Number of frames with a sample that is not finite or too large, and the first of each.
+    /// Frames with a sample that is not finite, and frames with one that is too large.
     not_finite: Count,
     too_large: Count,
     /// Frames that are still to be dropped before the sound starts.
@@ -76,7 +76,7 @@ impl<'a> Intake<'a> {
             self.mono.push(frame.iter().map(|x| x * share).sum::<f32>());
         }
         self.frames += self.mono.len() as u64;
-        // A broken sound is refused in the end, so that only the count goes on.
+        // `finish` will refuse a sound with such frames, so from here on they are only counted.
         match self.not_finite.first.or(self.too_large.first) {
             None => self.resampler.push(&self.mono, self.out),
             Some(_) => Ok(()),
@@ -112,7 +112,7 @@ impl<'a> Intake<'a> {
     }
 }
 
-/// How many frames are wrong in one way, and the first.
+/// How many frames have the same fault, and the index of the first.
 #[derive(Default, Clone, Copy)]
 struct Count {
     count: u64,
@@ -127,14 +127,14 @@ impl Count {
 }
 
 impl Waveform {
-    /// From a host's own samples.
+    /// Makes a waveform from a host's own samples.
     ///
     /// `samples`: `[S, C]` interleaved, nominally in [−1, 1]; `rate_hz` within
     /// [`ACCEPTED_RATES_HZ`]. The result has `round(S · 16000 / rate_hz)` samples, at least one.
     ///
     /// # Errors
-    /// `Audio` for no samples, a length that is no multiple of `channels`, a rate out of range,
-    /// or samples that are not finite or beyond ±[`LOUDEST`] (says how many and where the first is).
+    /// `Audio` for no samples, a length that is no multiple of `channels`, a rate out of range, or
+    /// samples that are not finite or beyond ±[`LOUDEST`] (says how many and where the first is).
     pub fn from_interleaved(samples: &[f32], channels: usize, rate_hz: u32) -> Result<Self> {
         if channels == 0 || !samples.len().is_multiple_of(channels) {
             return Err(Error::Audio(format!(

@@ -1,41 +1,41 @@
-//! WAV whose lengths have 64 bits: RF64 and BW64 (EBU Tech 3306), and Wave64 of Sony.
+//! WAV with 64-bit lengths: RF64 and BW64 (EBU Tech 3306), and Sony's Wave64.
 //!
-//! Readers of WAV know neither, so that the same bytes are shown to them behind a header of 32 bits.
+//! WAV readers know none of these, so they get the same samples behind a header of 32-bit lengths.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use super::{source::Source, wav::LENGTH_UNKNOWN};
 use crate::{Error, Result};
 
-/// GUIDs of Wave64; the first four bytes of a chunk's are its name.
+/// GUIDs of Wave64. The first four bytes of a chunk's GUID are its name.
 const W64_RIFF: [u8; 16] = *b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00";
 const W64_WAVE: [u8; 16] = *b"wave\xf3\xac\xd3\x11\x8c\xd1\x00\xc0\x4f\x8e\xdb\x8a";
-/// Chunks that are looked through for the samples.
+/// The most chunks that are searched for the samples.
 const MOST_CHUNKS: usize = 1_000;
-/// Bytes of the largest `fmt ` chunk that is believed.
+/// The largest `fmt ` chunk that is accepted, bytes.
 const LARGEST_FORMAT: u64 = 4_096;
 
-/// What stands in a chunk's header.
+/// A chunk, as its header describes it.
 struct Chunk {
     name: [u8; 4],
-    /// Where its body begins, and bytes of the body.
+    /// Where its body begins, and the length of the body in bytes.
     from: u64,
     length: u64,
     /// Where the next chunk begins.
     next: u64,
 }
 
-/// How chunks are told apart.
+/// The format of the file, which decides how chunk headers look.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Rf64,
     Wave64,
 }
 
-/// The source as a plain WAV where it is one with long lengths; else as it is.
+/// Turns a WAV with long lengths into a plain one. Returns any other source as it is.
 ///
 /// # Errors
-/// `Audio` if its chunks do not lead to samples, or there are more than 2 GiB of them.
+/// `Audio` if its chunks do not lead to samples, or the samples take almost 2 GiB or more.
 pub(super) fn as_wav(source: Source) -> Result<Source> {
     let mut file = source.read()?;
     let mut start = Vec::new();
@@ -56,7 +56,7 @@ pub(super) fn as_wav(source: Source) -> Result<Source> {
             .ok_or_else(|| refuse("got a file that ends before its samples"))?;
         match &chunk.name {
             b"ds64" => {
-                // Length of the file, then that of the samples.
+                // The length of the file, then the length of the samples.
                 let body = body(&mut file, &chunk, 16);
                 long_length = body.map(|b| u64_at(&b, 8));
             }
@@ -96,7 +96,7 @@ fn chunk(file: &mut (impl Read + Seek), kind: Kind, at: u64) -> Option<Chunk> {
             let length = u64::from(u32::from_le_bytes(head[4..8].try_into().ok()?));
             (length, length.checked_next_multiple_of(2)?)
         }
-        // The length holds the header; chunks begin at multiples of eight.
+        // The length includes the header. Chunks begin at multiples of eight.
         Kind::Wave64 => {
             let length = u64_at(&head, 16).checked_sub(24)?;
             (length, length.checked_next_multiple_of(8)?)
@@ -110,7 +110,7 @@ fn chunk(file: &mut (impl Read + Seek), kind: Kind, at: u64) -> Option<Chunk> {
     })
 }
 
-/// The first `length` bytes of a chunk, where it has so many.
+/// The first `length` bytes of a chunk; `None` if it has fewer.
 fn body(file: &mut (impl Read + Seek), chunk: &Chunk, length: u64) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(chunk.from)).ok()?;
@@ -120,7 +120,7 @@ fn body(file: &mut (impl Read + Seek), chunk: &Chunk, length: u64) -> Option<Vec
     (bytes.len() as u64 == length).then_some(bytes)
 }
 
-/// A plain header for `length` bytes of samples, below 2 GiB.
+/// A plain WAV header for `length` bytes of samples, below 2 GiB.
 fn header(format: &[u8], length: u64) -> Vec<u8> {
     let length = length as u32;
     let mut header = b"RIFF".to_vec();

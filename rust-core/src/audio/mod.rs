@@ -1,7 +1,7 @@
 //! Sound in any common format becomes mono 16 kHz samples.
 //!
-//! Decoding, mixing and resampling run chunk by chunk; of a sound beyond ten minutes only the stretch that is asked
-//! for lies in memory.
+//! Decoding, mixing and resampling run chunk by chunk. Of a sound longer than ten minutes, only the
+//! requested stretch is in memory.
 
 mod compressed;
 mod damage;

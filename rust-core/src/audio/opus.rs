@@ -1,4 +1,4 @@
-//! Opus for symphonia, which reads its containers but not the codec.
+//! Adds an Opus decoder to symphonia, which reads the containers but lacks the codec.
 
 use opus_pure::OpusDecoder as Codec;
 use symphonia::core::{
@@ -18,9 +18,9 @@ use symphonia::core::{
     packet::PacketRef,
 };
 
-/// Opus is decoded at this rate, whatever was recorded.
+/// Opus is decoded at this rate, whatever the rate of the recording.
 const RATE_HZ: u32 = 48_000;
-/// Frames of the longest packet, 120 ms (RFC 6716, 3.2.5).
+/// Frames in the longest packet, 120 ms (RFC 6716, 3.2.5).
 const LONGEST_PACKET: usize = 5_760;
 
 /// Decodes one stream of one or two channels.
@@ -55,7 +55,7 @@ impl OpusDecoder {
 
 /// Frames before the sound at 48 kHz, as the identification header states them (RFC 7845, 5.1).
 ///
-/// That of MP4 has version 0, and the other order of bytes.
+/// The header in MP4 has version 0 and is big-endian; the others are little-endian.
 pub(super) fn pre_skip(parameters: &AudioCodecParameters) -> Option<u16> {
     match parameters.extra_data.as_deref() {
         Some([b'O', b'p', b'u', b's', _, _, _, _, version, _, one, two, ..]) => match version {
@@ -68,7 +68,7 @@ pub(super) fn pre_skip(parameters: &AudioCodecParameters) -> Option<u16> {
 
 impl AudioDecoder for OpusDecoder {
     fn reset(&mut self) {
-        // It fails for no decoder that could be made.
+        // A reset fails for no decoder that could be created.
         _ = self.codec.reset_state();
     }
 
@@ -81,7 +81,7 @@ impl AudioDecoder for OpusDecoder {
     }
 
     fn decode_ref(&mut self, packet: &PacketRef<'_>) -> Result<GenericAudioBufferRef<'_>> {
-        // An empty packet would be heard as a loss and filled by a guess.
+        // The codec would take an empty packet for a lost one and fill it with a guess.
         if packet.data.is_empty() {
             return decode_error("opus: empty packet");
         }
@@ -94,7 +94,7 @@ impl AudioDecoder for OpusDecoder {
         self.decoded.render_uninit(Some(frames));
         self.decoded
             .copy_from_slice_interleaved(&&self.interleaved[..samples]);
-        // What stands before the sound is dropped by `before`, of whatever container.
+        // The intake drops the frames before the sound, whatever the container.
         let behind = usize::try_from(packet.trim_end.get()).unwrap_or(usize::MAX);
         self.decoded.trim(0, behind);
         Ok(self.decoded.as_generic_audio_buffer_ref())

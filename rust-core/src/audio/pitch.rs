@@ -1,25 +1,26 @@
 //! The pitch of a voice over time.
 //!
-//! YIN, de Cheveigné & Kawahara 2002, steps 1 to 5, on the sound at 4 kHz: enough for prosody, a
-//! sixteenth of the work. Own code, because the crates that offer it are no longer looked after.
-//! Cost: 200 × 68 multiplications a frame, about a second for an hour of sound.
+//! Runs steps 1 to 5 of YIN (de Cheveigné & Kawahara 2002) on the sound at 4 kHz. That is enough
+//! for prosody and takes a sixteenth of the work. The crates that offer YIN are no longer
+//! maintained, so this is our own code. Cost: 200 × 68 multiplications a frame, about a second for
+//! an hour of sound.
 
 use super::SAMPLE_RATE_HZ;
 
-/// Frames per second of the tracks of prosody.
+/// Frames per second of the prosody tracks.
 pub const PROSODY_FPS: f64 = 100.0;
-/// Samples between frames.
+/// Samples from one frame to the next.
 pub(super) const HOP: usize = SAMPLE_RATE_HZ as usize / PROSODY_FPS as usize;
-/// Samples of the sound to one of the tracker's.
+/// Samples of the sound for each sample of the tracker.
 const DECIMATION: usize = 4;
 const RATE_HZ: f32 = 4000.0;
-/// 59 Hz, and 500 Hz.
+/// Lags for 500 Hz down to 59 Hz.
 const LAGS: std::ops::RangeInclusive<usize> = 8..=68;
 /// 50 ms: three periods of a low voice.
 const WINDOW: usize = 200;
-/// de Cheveigné & Kawahara 2002, step 4, use 0.1 for clean speech; rooms need more.
+/// Step 4: de Cheveigné & Kawahara 2002 use 0.1 for clean speech, but rooms need more.
 const APERIODICITY: f32 = 0.2;
-/// Rough voices stay above that everywhere: then the best lag counts, up to this.
+/// Rough voices exceed `APERIODICITY` at every lag. Then the best lag counts if it is below this.
 const ROUGH: f32 = 0.4;
 /// Windows below −50 dB of full scale hold no voice.
 const LEAST_POWER: f32 = 1e-5;
@@ -40,7 +41,7 @@ pub(super) fn pitch_track(samples: &[f32], frames: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Every fourth sample of three running means of four: zeros at 4 and 8 kHz, −36 dB above 3 kHz.
+/// Every fourth sample after three running means of four: zeros at 4 and 8 kHz, −36 dB above 3 kHz.
 fn decimated(samples: &[f32]) -> Vec<f32> {
     const WEIGHTS: [f32; 10] = [1.0, 3.0, 6.0, 10.0, 12.0, 12.0, 10.0, 6.0, 3.0, 1.0];
     let last = samples.len() as isize - 1;
@@ -79,7 +80,8 @@ fn pitch(piece: &[f32]) -> Option<f32> {
     Some(RATE_HZ / (lag as f32 + vertex(&normalised[lag - 1..=lag + 1])))
 }
 
-/// Squared difference from the piece one lag later over its mean up to that lag: steps 2 and 3.
+/// Per lag, the squared difference from the piece that much later, over its mean up to that lag:
+/// steps 2 and 3.
 fn difference(piece: &[f32]) -> Vec<f32> {
     let mut total = 0.0;
     let mut normalised = vec![1.0];
@@ -92,7 +94,7 @@ fn difference(piece: &[f32]) -> Vec<f32> {
     normalised
 }
 
-/// Where the parabola through three values has its lowest point, from the middle: step 5.
+/// How far the lowest point of the parabola through three values is from the middle one: step 5.
 fn vertex(values: &[f32]) -> f32 {
     let curve = values[0] - 2.0 * values[1] + values[2];
     match curve > 0.0 {

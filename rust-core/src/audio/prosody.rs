@@ -1,4 +1,4 @@
-//! How something is said: loudness, pitch and vocal effort over time, syllables and pauses.
+//! How the words are said: loudness, pitch and vocal effort over time, syllables and pauses.
 
 use std::ops::Range;
 
@@ -11,37 +11,37 @@ use super::{
 const FLOOR_DB: f32 = -90.0;
 /// A frame this far below the loud parts of the speech belongs to a pause.
 const PAUSE_DEPTH_DB: f32 = 28.0;
-/// A stop consonant is shorter than this, a pause is not.
+/// A pause lasts at least this long; a stop consonant is shorter.
 const PAUSE_S: f64 = 0.25;
 /// de Jong & Wempe 2009: a syllable rises this far above the dips beside it.
 const SYLLABLE_DIP_DB: f32 = 2.0;
-/// Syllables lie no further below the loud parts than this.
+/// Syllables are at most this far below the loud parts.
 const SYLLABLE_DEPTH_DB: f32 = 22.0;
-/// Divides vocal effort's upper band from the lower one.
+/// Splits the upper band of vocal effort from the lower one.
 const EFFORT_SPLIT_HZ: f32 = 1000.0;
-/// The level that this share of all frames exceeds is that of the loud parts.
+/// The loud parts have the level that this share of all frames exceeds.
 const LOUD_SHARE: f64 = 0.05;
 
-/// Tracks at [`PROSODY_FPS`]; frame `t` is centred at `(t + 1/2) / 100` seconds.
+/// Tracks at [`PROSODY_FPS`]. Frame `t` is centred at `(t + 1/2) / 100` seconds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prosody {
-    /// `[T']`, dB of full scale, smoothed over a syllable's edge; −90 at least.
+    /// `[T']`, dB of full scale, smoothed over 70 ms; at least −90.
     pub level_db: Vec<f32>,
     /// `[T']`, Hz; 0 where there is no voice.
     pub pitch_hz: Vec<f32>,
-    /// `[T']`, dB of the sound above 1 kHz over that below: the voice's effort, and the room's and
-    /// the microphone's colour.
+    /// `[T']`, dB by which the sound above 1 kHz exceeds the sound below. It shows vocal effort,
+    /// but also the colour of the room and the microphone.
     pub effort_db: Vec<f32>,
-    /// Level that the loudest twentieth exceeds, dB.
+    /// Level that the loudest twentieth of the frames exceeds, dB.
     pub loud_db: f32,
     /// Frames of the syllables' nuclei, rising.
     pub nuclei: Vec<usize>,
-    /// Frames of the pauses, rising; the silence before and after the speech too.
+    /// Frames of the pauses, rising. The silence before and after the speech counts as pauses too.
     pub pauses: Vec<Range<usize>>,
 }
 
 impl Prosody {
-    /// Listens to a sound; a silent one has no voice, no syllables and no pauses.
+    /// Analyses a sound. A silent one has no voice, no syllables and no pauses.
     pub fn of(waveform: &Waveform) -> Self {
         let frames = waveform.samples.len().div_ceil(HOP);
         let (low, high) = bands(&waveform.samples);
@@ -72,17 +72,17 @@ impl Prosody {
         this
     }
 
-    /// Seconds at the middle of a frame.
+    /// Time at the middle of a frame, seconds.
     pub fn time_s(frame: usize) -> f64 {
         (frame as f64 + 0.5) / PROSODY_FPS
     }
 
-    /// Voiced maxima of the level with a dip before and after: de Jong & Wempe 2009.
+    /// Finds voiced maxima of the level with a dip before and after: de Jong & Wempe 2009.
     fn find_nuclei(&self) -> Vec<usize> {
         let level = &self.level_db;
         let least = self.loud_db - SYLLABLE_DEPTH_DB;
         let mut nuclei = Vec::new();
-        // The highest frame since the last dip, and the lowest since that.
+        // The highest frame since the last dip, and the lowest level of that dip.
         let (mut peak, mut dip) = (None::<usize>, f32::INFINITY);
         for t in 0..level.len() {
             match peak {
@@ -128,7 +128,8 @@ impl Prosody {
     }
 }
 
-/// Mean power of each hop below and above the split, `[T']` each; one pole, 6 dB an octave.
+/// Mean power of each hop below and above the split, `[T']` each. The split is a one-pole filter,
+/// 6 dB an octave.
 fn bands(samples: &[f32]) -> (Vec<f32>, Vec<f32>) {
     let keep = (-std::f32::consts::TAU * EFFORT_SPLIT_HZ / SAMPLE_RATE_HZ as f32).exp();
     let (mut low, mut low_power, mut high_power) = (0.0f32, Vec::new(), Vec::new());
@@ -145,7 +146,7 @@ fn bands(samples: &[f32]) -> (Vec<f32>, Vec<f32>) {
     (low_power, high_power)
 }
 
-/// A window of 70 ms with weights 1 3 6 7 6 3 1: shorter than a syllable, longer than a pitch period.
+/// Smooths over a window of 70 ms, which is shorter than a syllable and longer than a pitch period.
 fn smooth(track: &[f32]) -> Vec<f32> {
     const WEIGHTS: [f32; 7] = [1.0, 3.0, 6.0, 7.0, 6.0, 3.0, 1.0];
     let last = track.len() as isize - 1;
@@ -165,7 +166,7 @@ fn decibel(power: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// A buzz of `hz` with harmonics, in bursts: `syllables` a second for the first `spoken_s`.
+    /// A buzz at `hz` with harmonics, in bursts: `syllables` a second for the first `spoken_s`.
     fn babble(hz: f32, syllables: f32, spoken_s: f32, seconds: f32) -> Waveform {
         let samples = (0..(seconds * 16_000.0) as usize)
             .map(|i| {

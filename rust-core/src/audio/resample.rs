@@ -1,4 +1,4 @@
-//! Any sample rate to 16 kHz: a windowed sinc applied by FFT (rubato's `Fft`), chunk by chunk.
+//! Resamples any rate to 16 kHz with a windowed sinc, applied by FFT (rubato's `Fft`) in chunks.
 //!
 //! The ratio is exact (both rates are integers), and the filter's delay is removed. The squared
 //! Blackman-Harris window attenuates frequencies that would fold below 8 kHz by more than 100 dB.
@@ -12,11 +12,11 @@ use rubato::{
 use super::SAMPLE_RATE_HZ;
 use crate::{Error, Result};
 
-/// Smallest block on either side. Longer blocks mean a steeper filter: with 1024 samples the
+/// Smallest block of input or output. Longer blocks mean a steeper filter: with 1024 samples the
 /// passband ends within 3 % of 8 kHz.
 const SMALLEST_BLOCK: usize = 1024;
 
-/// Takes mono samples at [`SAMPLE_RATE_HZ`] piece by piece during decoding. An error ends the
+/// Receives mono samples at [`SAMPLE_RATE_HZ`] piece by piece during decoding. An error ends the
 /// decoding.
 pub(super) type Take<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
@@ -36,7 +36,7 @@ pub(super) struct Converter {
     /// Output samples of the filter's delay that are still to be dropped.
     to_drop: usize,
     samples_in: u64,
-    /// Samples that went out.
+    /// Output samples passed on so far.
     gone: u64,
 }
 
@@ -55,7 +55,7 @@ impl ToSpeechRate {
         }
     }
 
-    /// Puts out the rest, so that the output has exactly `round(S · 16000 / rate)` samples (at
+    /// Passes on the rest, so that the output has exactly `round(S · 16000 / rate)` samples (at
     /// least one if there was input).
     pub(super) fn finish(self, out: Take<'_>) -> Result<()> {
         match self {

@@ -1,4 +1,4 @@
-//! The bytes of a sound: a file, or what came through a pipe.
+//! The bytes of a sound, from a file or a pipe.
 
 use std::{
     io::{self, Cursor, Read, Seek, SeekFrom},
@@ -13,12 +13,12 @@ use crate::{
     job::{Input, InputKind},
 };
 
-/// Can be read several times from its start.
+/// Bytes that can be read from the start several times.
 #[derive(Clone)]
 pub(super) enum Source {
     File(Arc<Path>),
     Memory(Arc<[u8]>),
-    /// A stretch of another behind a header of our own.
+    /// A stretch of another source behind a header of our own.
     Behind {
         header: Arc<[u8]>,
         inner: Arc<Source>,
@@ -27,7 +27,7 @@ pub(super) enum Source {
     },
 }
 
-/// One reading.
+/// One pass through the bytes of a source.
 pub(super) enum Reading {
     File(Input),
     Memory(Cursor<Arc<[u8]>>),
@@ -41,7 +41,7 @@ pub(super) enum Reading {
 }
 
 impl Source {
-    /// A pipe can be read but once, so that its bytes are kept.
+    /// Opens a file or pipe. A pipe can be read only once, so its bytes are kept in memory.
     ///
     /// # Errors
     /// Those of [`Input::open`]; `Audio` if it is empty.
@@ -57,7 +57,7 @@ impl Source {
         })
     }
 
-    /// Reads it from the start.
+    /// Begins a new pass from the start.
     ///
     /// # Errors
     /// `Io` if the file is no longer there.
@@ -80,7 +80,7 @@ impl Source {
         })
     }
 
-    /// The bytes of `header`, then `length` of this source from `from` on.
+    /// The bytes of `header`, then `length` bytes of this source from `from` on.
     pub(super) fn behind(self, header: &[u8], from: u64, length: u64) -> Source {
         Source::Behind {
             header: header.into(),

@@ -17,7 +17,7 @@ fn tone(hz: f64, amplitude: f64, rate_hz: u32, seconds: f64) -> Vec<f32> {
 }
 
 /// Amplitude and phase of a sine at `hz` in the middle half of 16 kHz samples, and the root mean
-/// square of the rest.
+/// square of what remains without it.
 fn fit(samples: &[f32], hz: f64) -> (f64, f64, f64) {
     let (from, to) = (samples.len() / 4, samples.len() * 3 / 4);
     let step = TAU * hz / f64::from(SAMPLE_RATE_HZ);
@@ -252,7 +252,7 @@ fn every_common_wav_is_read() {
 
 #[test]
 fn every_other_format_keeps_the_tone_in_place() {
-    // (file, tolerance of the amplitude, of the phase in radians, of the length in samples)
+    // (file, tolerances: amplitude, phase in radians, length in samples)
     for (name, amplitude_tol, phase_tol, length_tol) in [
         ("tone.flac", 1e-3, 1e-3, 0),
         ("tone.aiff", 1e-3, 1e-3, 0),
@@ -262,10 +262,10 @@ fn every_other_format_keeps_the_tone_in_place() {
         ("tone_f64.wav", 1e-3, 1e-3, 0),
         ("tone_adpcm.wav", 2e-2, 2e-2, 1000),
         ("tone.ogg", 2e-2, 2e-2, 0),
-        // Opus at a low rate turns the phase by less than a sample.
+        // Opus at a low rate shifts the phase by less than a sample.
         ("tone_opus.ogg", 2e-2, 0.2, 0),
         ("tone.mp3", 2e-2, 2e-2, 0),
-        // The edit list, in milliseconds, rounds.
+        // The edit list rounds to milliseconds.
         ("tone_aac.m4a", 2e-2, 2e-2, 16),
     ] {
         let waveform = Waveform::from_file(&fixture(name)).unwrap();
@@ -292,7 +292,7 @@ fn sweep() -> Vec<f32> {
     (0..9_600).map(sample).collect()
 }
 
-/// By how many samples a sound lags behind `expected` at the best match, and the correlation there,
+/// How many samples a sound lags behind `expected` at the best match, and the correlation there,
 /// −1 to 1.
 fn behind(samples: &[f32], expected: &[f32]) -> (isize, f32) {
     let at = |i: isize| samples.get(usize::try_from(i).ok()?).copied();
@@ -312,7 +312,7 @@ fn behind(samples: &[f32], expected: &[f32]) -> (isize, f32) {
 #[test]
 fn no_container_makes_a_sound_late() {
     let expected = sweep();
-    // (file, samples that padding behind the sound may add, share of what is alike)
+    // (file, most samples of padding after the sound, least correlation)
     for (name, padding, least) in [
         ("sweep_opus.ogg", 0, 0.98),
         ("sweep_opus.webm", 320, 0.98),
@@ -344,7 +344,7 @@ fn no_container_makes_a_sound_late() {
     }
 }
 
-/// A Wave64 or RF64 of the bytes of a plain WAV with the usual header of 44 bytes.
+/// Turns a plain WAV with the usual header of 44 bytes into a Wave64 or RF64.
 fn with_long_lengths(plain: &[u8], kind: &str) -> Vec<u8> {
     let (format, data) = (&plain[20..36], &plain[44..]);
     let mut bytes = Vec::new();
@@ -414,7 +414,7 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     let damage = file.damage.unwrap();
     assert!((damage.share() - 0.375).abs() < 0.01, "{damage:?}");
     std::fs::write(&path, &bytes[..bytes.len() * 17 / 20]).unwrap();
-    // 30 ms are too few for a report.
+    // A loss of 30 ms is too short to be reported.
     assert_eq!(SoundFile::read(&path, false, SILENT).unwrap().damage, None);
     let sentence = SoundDamage::of(0.06, 0.4).unwrap().sentence();
     assert!(
@@ -430,7 +430,7 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     assert_eq!((file.levels.samples, file.damage), (3200, None));
 }
 
-/// Bytes of a fixture in which a stretch is replaced by zeros.
+/// Bytes of a fixture with a stretch replaced by zeros.
 fn with_hole(name: &str, from: f64, to: f64) -> Vec<u8> {
     let mut bytes = std::fs::read(fixture(name)).unwrap();
     let length = bytes.len() as f64;
@@ -478,7 +478,7 @@ fn samples_that_are_no_sound_are_refused() {
         samples[777] = -9_999.0;
         Waveform::from_interleaved(&samples, 1, rate).unwrap();
     }
-    // Left and right that cancel out are no sound either.
+    // Samples that are too large are refused even if left and right cancel out.
     let text = message(Waveform::from_interleaved(&[3e38, -3e38], 2, 16_000));
     assert!(text.contains("1 of 1"), "{text}");
 }
@@ -551,7 +551,7 @@ fn nan_in_a_float_wav_is_refused() {
     assert!(message(Waveform::from_file(&path)).contains("first at 15000"));
 }
 
-/// CAF around the samples of a WAV: the same sound.
+/// The samples of a WAV give the same sound inside a CAF.
 #[test]
 fn laws_of_telephones_are_decoded_from_caf() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
-//! WAV through hound: integers of 8, 16, 24 and 32 bits and 32-bit floats, plain or extensible.
+//! Decodes WAV with hound: 8, 16, 24 and 32-bit integers and 32-bit floats, plain or extensible.
 //!
-//! What hound does not read (A-law, µ-law, ADPCM, 64-bit floats) is left to symphonia.
+//! symphonia decodes the kinds that hound does not read: A-law, µ-law, ADPCM and 64-bit floats.
 
 use std::{
     io::{BufReader, ErrorKind, Read, Seek, SeekFrom},
@@ -17,13 +17,13 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Frames that are decoded at a time.
+/// How many frames are decoded at a time.
 const CHUNK_FRAMES: usize = 8192;
-/// A header that claims so many bytes was written before the length was known.
+/// A header that claims this many bytes or more was written before the length was known.
 pub(super) const LENGTH_UNKNOWN: u64 = 0x7fff_0000;
 
 pub(super) enum Decoded {
-    /// What is lost of it.
+    /// Decoded, with the part that is missing, if any.
     Sound(Option<SoundDamage>),
     /// Not a WAV, or a kind that hound does not read.
     NotForUs,
@@ -93,8 +93,8 @@ fn read_all<S: hound::Sample>(
     }))
 }
 
-/// Recorders that were stopped hard and programs that write to a pipe leave a length in the header
-/// that is too large; what is there is good.
+/// Whether the file is shorter than its header says. Recorders that were stopped hard and programs
+/// that write to a pipe leave a length that is too large, but the samples before the end are good.
 fn cut_short(e: &hound::Error) -> bool {
     match e {
         hound::Error::IoError(e) => {

@@ -1,4 +1,4 @@
-//! The sound that everything listens to.
+//! The decoded sound, and how long and how loud it is.
 
 /// Sample rate of every [`Waveform`].
 pub const SAMPLE_RATE_HZ: u32 = 16_000;
@@ -6,13 +6,13 @@ pub const SAMPLE_RATE_HZ: u32 = 16_000;
 /// Sample rates that are accepted, in Hz.
 pub const ACCEPTED_RATES_HZ: std::ops::RangeInclusive<u32> = 4_000..=384_000;
 
-/// Magnitude beyond which a sample is no sound: 80 dB over full scale.
+/// Samples of a larger magnitude are refused: 80 dB over full scale.
 pub const LOUDEST: f32 = 1e4;
 
 /// Peak below which a sound counts as silence: −60 dB of full scale.
 pub const SILENCE_PEAK: f32 = 1e-3;
 
-/// Magnitude from which a sample is at full scale: what clips ends there.
+/// Samples of this magnitude or more are at full scale, where clipped sound is cut off.
 const FULL_SCALE: f32 = 0.999;
 
 /// Mono sound at [`SAMPLE_RATE_HZ`].
@@ -37,7 +37,7 @@ impl Waveform {
         self.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// How loud it is.
+    /// How long and how loud it is.
     pub fn levels(&self) -> Levels {
         let mut levels = Levels::default();
         levels.add(&self.samples);
@@ -62,7 +62,7 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Counts samples that follow.
+    /// Adds the next samples.
     pub(super) fn add(&mut self, samples: &[f32]) {
         self.samples += samples.len();
         for x in samples {

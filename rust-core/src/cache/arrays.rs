@@ -74,7 +74,7 @@ impl Arrays {
         }
     }
 
-    /// Takes out what [`Arrays::insert_json`] put in; `None` if it is absent or another type.
+    /// Takes out a value that [`Arrays::insert_json`] added; `None` if absent or another type.
     pub fn take_json<T: DeserializeOwned>(&mut self, name: &str) -> Option<T> {
         match self.0.remove(name)? {
             (_, Values::U8(text)) => serde_json::from_slice(&text).ok(),

@@ -2,9 +2,9 @@
 //!
 //! An entry's name is the blake3 hash of everything its content depends on, so entries are never
 //! out of date. The file also holds that hash, and a hash of the key and the payload together.
-//! Reading checks both: a damaged or misnamed entry counts as absent. Files appear whole by
-//! renaming. The cache never causes an error: a folder that cannot be read or written costs time
-//! and one warning.
+//! Reading checks both: a damaged or misnamed entry counts as absent. Files are renamed into place,
+//! so they appear whole. The cache never causes an error: a folder that cannot be read or written
+//! costs time and warnings.
 
 use std::{
     collections::BTreeMap,
@@ -28,10 +28,10 @@ const MAGIC: &[u8; 8] = b"anyface2";
 const EXTENSION: &str = "anyface-cache";
 const UNFINISHED: &str = "part";
 
-/// Size beyond which the least recently used entries go.
+/// Total size beyond which the least recently used entries are deleted.
 pub const DEFAULT_MAX_BYTES: u64 = 2 << 30;
 
-/// Where per-mesh work is kept between runs.
+/// Where results of per-mesh work are kept between runs.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CachePolicy {
     /// Nothing is read or written.
@@ -42,7 +42,7 @@ pub enum CachePolicy {
     Folder(PathBuf),
 }
 
-/// Names an entry by all that its content depends on.
+/// Names an entry by everything that its content depends on.
 ///
 /// Each piece is hashed with its length, so that moving a border between two pieces changes the
 /// name.
@@ -50,7 +50,7 @@ pub enum CachePolicy {
 pub struct CacheKey(blake3::Hasher);
 
 impl CacheKey {
-    /// `kind`: what is stored; `version`: raised when the computation changes its results.
+    /// `kind`: what is stored; `version`: raise it when the computation changes its results.
     pub fn new(kind: &str, version: u32) -> CacheKey {
         CacheKey(blake3::Hasher::new())
             .text(kind)
@@ -108,7 +108,7 @@ impl CacheKey {
     }
 }
 
-/// The cache, or its absence.
+/// The cache, which may be switched off.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cache {
     folder: Option<PathBuf>,
@@ -138,8 +138,8 @@ impl Cache {
         Cache { max_bytes, ..self }
     }
 
-    /// Reads the entry of `key` by `decode`. Where there is no usable entry, calls `make` and
-    /// stores its result by `encode`. Without a cache nothing is encoded.
+    /// Reads the entry of `key` with `decode`. If there is no usable entry, calls `make` and stores
+    /// its result with `encode`. Without a cache nothing is encoded.
     ///
     /// # Errors
     /// Those of `make`.
@@ -236,7 +236,7 @@ fn user_folder() -> Option<PathBuf> {
     folder.map(|dirs| dirs.cache_dir().to_path_buf())
 }
 
-/// An unfinished file of a process that was killed; running writers take seconds.
+/// Whether an unfinished file of this age is from a killed process: running writers take seconds.
 fn is_abandoned(age: SystemTime) -> bool {
     let an_hour = Duration::from_secs(3600);
     SystemTime::now()
@@ -264,7 +264,7 @@ fn write_whole(
     Ok(())
 }
 
-/// A sound entry of this very key, or `None`. Marks it as used.
+/// Reads an entry and marks it as used; `None` if it is damaged or belongs to another key.
 fn read(path: &Path, key: &CacheKey) -> Option<Arrays> {
     let bytes = match read_file(path, InputKind::Arrays) {
         Ok(bytes) => bytes,
@@ -284,7 +284,7 @@ fn read(path: &Path, key: &CacheKey) -> Option<Arrays> {
         return None;
     }
     if let Ok(file) = fs::File::options().append(true).open(path) {
-        // Only the order of eviction depends on this.
+        // If this fails, only the order of eviction suffers.
         let _ = file.set_modified(SystemTime::now());
     }
     Arrays::from_bytes(payload)
@@ -501,7 +501,7 @@ mod tests {
             file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
                 .unwrap();
         }
-        // Reading "a" makes it the youngest, so "b" goes for "d".
+        // Reading "a" makes it the youngest, so "b" makes room for "d".
         cache.get_or_compute(&key("a"), must_not_run).unwrap();
         let bounded = cache.clone().with_max_bytes(3 * size);
         bounded

@@ -1,4 +1,4 @@
-//! The features of a mouth by which a drawing is chosen.
+//! Measures the features of a mouth that decide which drawing is chosen.
 
 use ndarray::ArrayView3;
 
@@ -8,16 +8,16 @@ use crate::{
     mesh::ibug::{CORNERS, INNER_LIPS, LANDMARKS},
 };
 
-/// Lips touch where their distance exceeds that at rest by less than this, in mouth widths.
+/// Lips touch if their distance exceeds the distance at rest by less than this, in mouth widths.
 const TOUCHING: f64 = 0.004;
 
 /// A mouth in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// By how much the distance of the inner lips exceeds that at rest, in widths of the mouth at
-    /// rest.
+    /// How much the distance of the inner lips exceeds their distance at rest, in widths of the
+    /// mouth at rest.
     pub open: f64,
-    /// Width of the mouth as a share of that at rest.
+    /// Width of the mouth as a share of its width at rest.
     pub width: f64,
     /// Whether the lips touch.
     pub touches: bool,
@@ -82,12 +82,12 @@ fn measure(place: &impl Fn(usize, usize) -> f64) -> (f64, f64) {
     (mean, apart(CORNERS[0], CORNERS[1]))
 }
 
-/// Whether a phone is th, for which the tongue is at the upper teeth.
+/// Whether a phone is th, which puts the tongue at the upper teeth.
 fn is_dental(phone: &str) -> bool {
     ["th", "dh", "θ", "ð"].contains(&phone.trim().to_lowercase().as_str())
 }
 
-/// Notes in each frame which phones are spoken.
+/// Marks the frames whose phones close the lips, put the lip to the teeth or show the tongue.
 fn listen(frames: &mut [Frame], fps: f64, said: &Annotation) {
     let count = frames.len();
     let range = |start_s: f64, end_s: f64| {

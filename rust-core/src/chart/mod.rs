@@ -1,9 +1,9 @@
-//! A performance as a mouth chart: one of a few drawn mouths in each frame.
+//! Turns a performance into a mouth chart: one of a few drawn mouths for each frame.
 //!
 //! Each frame is compared with every mouth by the distance of the lips and the width of the mouth.
 //! Dynamic programming over segments (Viterbi 1967) finds the cheapest sequence in which each mouth
-//! stands for at least the requested time. Where an annotation is known, closed lips, the lip at
-//! the teeth and the tongue behind them count too.
+//! stays for at least the requested time. If there is an annotation, closed lips, the lip at the
+//! teeth and the tongue behind them count too.
 
 mod features;
 mod mouths;
@@ -27,11 +27,11 @@ pub struct ChartOptions {
     pub mouths: Symbols,
     /// Mouths change only at every `on`-th frame: 2 for poses on twos.
     pub on: usize,
-    /// The fewest frames for which a mouth stands.
+    /// The fewest frames for which a mouth stays.
     pub hold: usize,
     /// The fewest frames for which lips stay closed for p, b and m; 0 for `hold`.
     pub closure_hold: usize,
-    /// The fewest frames for which the mouth of a vowel stands; 0 for `hold`.
+    /// The fewest frames for which the mouth of a vowel stays; 0 for `hold`.
     pub vowel_hold: usize,
 }
 
@@ -51,7 +51,7 @@ impl ChartOptions {
     /// Checks the options before anything is drawn.
     ///
     /// # Errors
-    /// `InvalidInput` for other symbols than mouths, and frames out of range.
+    /// `InvalidInput` for symbols that are not mouths, or numbers of frames out of range.
     pub fn check(&self) -> Result<()> {
         mouths::of(self.mouths)?;
         for (name, frames, least) in [
@@ -69,7 +69,7 @@ impl ChartOptions {
         Ok(())
     }
 
-    /// The least number of frames for which a mouth stands. `rest`: that of a mouth at rest.
+    /// The fewest frames for which `mouth` stays. `rest`: the fewest for a mouth at rest.
     fn hold_of(&self, mouth: &Mouth, rest: usize) -> usize {
         let hold = match mouth {
             mouth if mouth.is_rest => return self.hold.max(rest),
@@ -81,14 +81,14 @@ impl ChartOptions {
     }
 }
 
-/// The chart of moving landmarks: intervals that touch, from 0 to the end of the last frame.
+/// Charts moving landmarks: intervals without gaps, from 0 to the end of the last frame.
 ///
 /// `neutral` `[68]` are the landmarks at rest and `displacements` `[T, 68, 3]` their motion, in any
-/// unit and axes. `said` may hold phones or when lips close.
+/// unit and axes. `said` may hold phones or the times when the lips close.
 ///
 /// # Errors
-/// `InvalidInput` for other symbols than mouths, a frame rate or holds that cannot be, and numbers that are not
-/// finite; `ShapeMismatch` for another number of landmarks.
+/// `InvalidInput` for symbols that are not mouths, an invalid frame rate or hold, numbers that are
+/// not finite, or a mouth at rest without width; `ShapeMismatch` for another number of landmarks.
 pub fn draw(
     neutral: &[[f32; 3]; 68],
     displacements: ArrayView3<'_, f32>,
@@ -132,8 +132,8 @@ pub fn draw(
     })
 }
 
-/// The cost of each mouth for the frames of a pose. Where lips close in one of the frames, they
-/// close in all.
+/// The cost of each mouth for the frames of a pose. If the lips close in one of the frames, they
+/// count as closing in all.
 fn costs(pose: &[Frame], mouths: &[Mouth]) -> Vec<f64> {
     let closes = pose.iter().any(|frame| frame.closes);
     let cost = |mouth: &Mouth| -> f64 {

@@ -1,24 +1,26 @@
-//! The mouths that are drawn, and how like one of them a frame is.
+//! The mouths that are drawn, and how well a frame matches each of them.
 
 use super::features::Frame;
 use crate::{Error, Result, annotation::Symbols};
 
-/// A mouth at rest stands for at least so long, seconds.
+/// A mouth at rest stays for at least this long, seconds.
 pub const REST_S: f64 = 0.2;
-/// What a change of mouths costs.
+/// The cost of changing mouths.
 pub const CHANGE: f64 = 1.5;
-/// How much of the opening, in mouth widths, and of the width count as much as 1.
+/// An opening, in mouth widths, or a width that is off by this much costs 1.
 const OPEN: f64 = 0.05;
 const WIDTH: f64 = 0.06;
-/// What it costs to show another mouth than that which is said, and one that nothing speaks for.
+/// The cost of an open mouth while the lips touch. A phone that calls for teeth or tongue saves it.
 const UNSAID: f64 = 4.0;
+/// The cost of any mouth but that of p, b and m while the lips close for a phone.
 const CLOSED: f64 = 25.0;
+/// The cost of teeth or tongue without such a phone, and of rest while a phone closes the lips.
 const WITHOUT_REASON: f64 = 3.0;
 
 /// A drawn mouth.
 pub struct Mouth {
     pub name: &'static str,
-    /// Opening in mouth widths and share of the width at rest.
+    /// Opening in mouth widths, and width as a share of the width at rest.
     open: f64,
     width: f64,
     kind: Kind,
@@ -27,7 +29,7 @@ pub struct Mouth {
 
 #[derive(PartialEq)]
 enum Kind {
-    /// Told by opening and width.
+    /// Recognised by opening and width.
     Shape,
     /// Lips together.
     Closed,
@@ -103,12 +105,12 @@ pub fn of(symbols: Symbols) -> Result<&'static [Mouth]> {
     }
 }
 
-/// What a mouth costs in a frame; `closes` where lips close for what is said in its pose.
+/// The cost of `mouth` in a frame. `closes`: whether the lips close for a phone in this pose.
 pub fn cost(mouth: &Mouth, frame: &Frame, closes: bool) -> f64 {
     let widest = frame.open.clamp(0.0, 0.32);
     let far =
         ((widest - mouth.open) / OPEN).powi(2) + ((frame.width - mouth.width) / WIDTH).powi(2);
-    // The lips of a closed mouth may be as wide as they like.
+    // A closed mouth may have any width.
     let like = match mouth.kind {
         Kind::Closed => (widest / OPEN).powi(2) + if frame.touches { 0.0 } else { 1.0 },
         _ => far + if frame.touches { UNSAID } else { 0.0 },

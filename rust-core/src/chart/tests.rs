@@ -15,7 +15,7 @@ fn neutral() -> [[f32; 3]; 68] {
     places
 }
 
-/// A motion of openings and widths, shares of the width at rest.
+/// A motion with these openings and widths, both as shares of the width at rest.
 fn moving(frames: &[(f32, f32)]) -> Array3<f32> {
     let mut moved = Array3::zeros((frames.len(), 68, 3));
     for (t, &(open, width)) in frames.iter().enumerate() {
@@ -137,7 +137,7 @@ fn closures_and_vowels_have_holds_of_their_own() {
     };
     assert_eq!(longest(closures, "A"), [4]);
     assert_eq!(longest(closures, "D"), [1]);
-    // A wide mouth of one frame is not drawn where it had to stand for six.
+    // A mouth that is wide for one frame is not drawn if it would have to stay for six.
     let vowels = ChartOptions {
         vowel_hold: 6,
         ..plain
@@ -180,7 +180,7 @@ proptest! {
         prop_assert!((intervals[intervals.len() - 1].end_s - end).abs() < 1e-9);
         for (number, interval) in intervals.iter().enumerate() {
             let count = ((interval.end_s - interval.start_s) * 24.0).round() as usize;
-            // Poses on several frames may be cut by the end.
+            // The end may cut short a pose that spans several frames.
             let is_last = number + 1 == intervals.len();
             let short = if is_last { on - 1 } else { 0 };
             prop_assert!(count + short >= hold.min(frames.len()), "{count} of {hold}");

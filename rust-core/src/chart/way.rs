@@ -1,22 +1,22 @@
-//! The cheapest way through poses in which each mouth stands for a while.
+//! Finds the cheapest sequence of mouths in which each one stays for a while.
 
-/// The mouth of each pose. `costs` `[P][M]` is what each mouth costs in each pose, `least` `[M]` for how many
-/// poses each stands at least, `change` what a change costs. A mouth that stands at the end may stand shorter where
-/// there are fewer poses than that in all.
+/// Chooses the mouth of each pose. `costs` `[P][M]`: the cost of each mouth in each pose. `least`
+/// `[M]`: the fewest poses for which each mouth stays. `change`: the cost of a change. If there are
+/// fewer poses in all than a mouth needs, it may stay for just those.
 pub fn cheapest(costs: &[Vec<f64>], least: &[usize], change: f64) -> Vec<usize> {
     let (poses, mouths) = (costs.len(), least.len());
     if poses == 0 {
         return Vec::new();
     }
     let least: Vec<usize> = least.iter().map(|&n| n.clamp(1, poses)).collect();
-    // Costs of all poses before one, by mouth.
+    // The cost of each mouth over all poses before this one.
     let mut sums = vec![vec![0.0; mouths]; poses + 1];
     for pose in 0..poses {
         for mouth in 0..mouths {
             sums[pose + 1][mouth] = sums[pose][mouth] + costs[pose][mouth];
         }
     }
-    // The cheapest way to the end of each pose in a mouth, and where its segment begins.
+    // The lowest cost up to each pose if it shows this mouth, and where the mouth's segment begins.
     let mut best = vec![vec![f64::INFINITY; mouths]; poses + 1];
     let mut begins = vec![vec![0; mouths]; poses + 1];
     for end in 1..=poses {

@@ -1,7 +1,7 @@
-//! Action units of the face and what shows them on ARKit's shapes.
+//! Action units of the face, and the ARKit shapes that show them.
 //!
-//! They are those of the Facial Action Coding System (Ekman & Friesen 1978); that each may be asked for on one side is
-//! ours.
+//! The units come from the Facial Action Coding System (Ekman & Friesen 1978). Requesting a unit on
+//! one side only is our addition.
 
 /// Left and right.
 pub const SIDES: usize = 2;
@@ -14,9 +14,9 @@ pub struct ActionUnit {
     pub label: &'static str,
     /// Stems of ARKit's names.
     pub shapes: &'static [&'static str],
-    /// Whether it moves the mouth, where speech has the first say.
+    /// Whether it moves the mouth, where speech takes precedence.
     pub is_lower: bool,
-    /// Where both eyes look, yaw to the subject's left and pitch up, radians; 0 for a unit that turns no eye.
+    /// Where both eyes look: yaw to the subject's left and pitch up, radians. 0 if it turns no eye.
     pub gaze: [f32; 2],
 }
 
@@ -52,14 +52,16 @@ const fn eyes(name: &'static str, label: &'static str, gaze: [f32; 2]) -> Action
     }
 }
 
-/// How far eyes turn to a side, up or down, radians: as far as people look without turning the head.
+/// How far eyes turn to a side, radians: as far as people look without turning the head.
 const ASIDE: f32 = 0.4;
+/// How far eyes turn up or down, radians, by the same measure.
 const UP: f32 = 0.3;
 
-/// How many of [`ACTION_UNITS`] a network knows: the first ones. The others are put on what it gives.
+/// A network knows this many of [`ACTION_UNITS`], the first ones. The rest are added to its output.
 pub const LEARNED_UNITS: usize = 16;
 
-/// The sixteen units of Cafe-Talk in the order of the weights, and behind them those that no network has learned.
+/// The sixteen units of Cafe-Talk in the order of the weights. After them come the units that no
+/// network has learned.
 pub const ACTION_UNITS: [ActionUnit; 25] = [
     upper("1", "inner brow raiser", &["browInnerUp"]),
     upper("2", "outer brow raiser", &["browOuterUp"]),
@@ -88,7 +90,7 @@ pub const ACTION_UNITS: [ActionUnit; 25] = [
     eyes("64", "eyes down", [0.0, -UP]),
 ];
 
-/// On which side of the face, the subject's own.
+/// A side of the face, from the subject's point of view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Side {
     /// Both.
@@ -101,7 +103,7 @@ pub enum Side {
 }
 
 impl Side {
-    /// A unit on this side: `12`, `45L`.
+    /// Writes a unit on this side: `12`, `45L`.
     pub fn written(self, unit: &str) -> String {
         let ending = match self {
             Side::Both => "",
@@ -113,7 +115,7 @@ impl Side {
 }
 
 impl ActionUnit {
-    /// Whether its shapes have sides; one that has none is on both.
+    /// Whether its shapes have sides. A unit without sides always acts on both.
     pub fn has_sides(&self) -> bool {
         !matches!(self.name, "1" | "17" | "18" | "22" | "26" | "28" | "34") && !self.turns_eyes()
     }
@@ -123,7 +125,7 @@ impl ActionUnit {
         self.gaze != [0.0; 2]
     }
 
-    /// Whether it moves a shape of ARKit's where it is asked for on a side.
+    /// Whether it moves this ARKit shape when it is requested on `side`.
     pub fn shows(&self, side: Side, shape: &str) -> bool {
         let on_side = match (self.has_sides(), side) {
             (true, Side::Left) => shape.ends_with("Left"),
@@ -134,7 +136,7 @@ impl ActionUnit {
         turned || (on_side && self.shapes.iter().any(|stem| shape.starts_with(stem)))
     }
 
-    /// The number in [`ACTION_UNITS`] of `12`, `AU12` or `au 12`.
+    /// The index in [`ACTION_UNITS`] of `12`, `AU12` or `au 12`.
     pub fn find(name: &str) -> Option<usize> {
         let name = name.trim().to_ascii_lowercase();
         let digits = name.strip_prefix("au").unwrap_or(&name).trim();

@@ -24,7 +24,7 @@ pub struct Control {
     pub low: f32,
     /// The largest number.
     pub high: f32,
-    /// The number where a user sets none.
+    /// The number if a user sets none.
     pub default: f32,
     /// The number that leaves the motion as the system made it.
     pub neutral: f32,
@@ -57,7 +57,7 @@ pub enum ControlStage {
 /// The number that a control is set to, and how it changes over time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ControlCurve {
-    /// The number, which also holds where there are no keys.
+    /// The number, which applies at all times if there are no keys.
     pub value: f32,
     /// `(time_s, number)` in rising order; linear in between, held outside. May be empty.
     pub keys: Vec<(f64, f64)>,
@@ -92,8 +92,8 @@ pub static STEPS: Control = Control {
     is_animatable: false,
 };
 
-/// How different takes of different seeds are at the start of the denoising, relative to the
-/// model's measured noise.
+/// How much takes with different seeds differ at the start of denoising, relative to the model's
+/// measured noise.
 pub static NOISE: Control = Control {
     name: "noise",
     label: "Noise",
@@ -113,7 +113,7 @@ impl Control {
         without.map_or(self.name, |name| name.trim_end_matches('_'))
     }
 
-    /// Its number in `controls`, leaving changes over time aside.
+    /// Its number in `controls`, without changes over time.
     pub fn value(&self, controls: &Controls) -> f32 {
         let entry = controls.0.get(self.name);
         entry.map_or(self.default, |curve| curve.value)
@@ -172,7 +172,7 @@ impl Controls {
         self.0.insert(name.to_owned(), curve);
     }
 
-    /// The same with one control at another number throughout.
+    /// A copy with one control at another number for the whole time.
     #[must_use]
     pub fn with(&self, name: &str, value: f32) -> Controls {
         let mut controls = self.clone();
@@ -180,7 +180,7 @@ impl Controls {
         controls
     }
 
-    /// The same from `start_s` on: keys come that much earlier.
+    /// A copy for a motion that starts at `start_s`: keys come that much earlier.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> Controls {
         let mut controls = self.clone();
@@ -199,7 +199,7 @@ impl Controls {
         Controls(entries.collect())
     }
 
-    /// The number that is set for a control, leaving changes over time aside.
+    /// The number that is set for a control, without changes over time.
     pub fn get(&self, name: &str) -> Option<f32> {
         self.0.get(name).map(|curve| curve.value)
     }
@@ -214,7 +214,7 @@ impl Controls {
         self.0.get(name).filter(|curve| !curve.keys.is_empty())
     }
 
-    /// Whether all numbers leave the motion as the system made it, or are defaults.
+    /// Whether no control changes over time, and each number is its default or its neutral one.
     pub fn ask_nothing<'a>(&self, known: impl IntoIterator<Item = &'a Control>) -> bool {
         known.into_iter().all(|control| {
             let value = control.value(self);
@@ -223,10 +223,10 @@ impl Controls {
         })
     }
 
-    /// Whether every control is one of `known` that acts on `stage`, and every number in its range.
+    /// Checks that every control is one of `known` that acts on `stage`, with its numbers in range.
     ///
     /// # Errors
-    /// `InvalidInput` names the first that is not, what was expected and what it is.
+    /// `InvalidInput` names the first control that fails, what was expected and what it got.
     pub fn check<'a>(
         &self,
         known: impl IntoIterator<Item = &'a Control>,

@@ -1,6 +1,7 @@
-//! Events: units that are active for a while, and what a model hears of them frame by frame.
+//! Events: action units that are active for a while, and the inputs of the model that they become.
 //!
-//! Cafe-Talk (Chen et al. 2025), eq. 1: `F = {(F_d, F_s, F_e)}`. Side, strength and seconds are ours.
+//! Cafe-Talk (Chen et al. 2025), eq. 1: `F = {(F_d, F_s, F_e)}`. We added sides, strengths and
+//! times in seconds.
 
 use ndarray::{Array2, Array3, Axis};
 
@@ -10,10 +11,10 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Time in which the strength of an event rises before its slot and falls after it, seconds.
+/// Time over which an event's strength rises before its slot and falls after it, seconds.
 pub const EDGE_S: f64 = 0.12;
 
-/// Units that are active for a while.
+/// Action units that are active for a while.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
     /// First and last second.
@@ -22,26 +23,26 @@ pub struct Event {
     pub units: Vec<(usize, Side)>,
     /// 0 to [`MAX_EVENT_STRENGTH`].
     pub strength: f32,
-    /// Whether lips that the speech brings together may stay apart under it.
+    /// Whether the event overrides the speech: lips that the speech would close may stay apart.
     pub over_speech: bool,
 }
 
 impl Event {
     /// Reads `1.2-2.0:12,6:0.8` or `0.5-0.9:left wink!`: seconds, and an [`Expression`] of units or
-    /// of words in the menu.
+    /// of words from the menu.
     ///
     /// # Errors
-    /// `InvalidInput` for seconds that do not rise, an expression that needs a model of texts, an unknown unit or a
-    /// strength out of range.
+    /// `InvalidInput` if the times do not rise, the expression needs a text model, a unit is unknown
+    /// or the strength is out of range.
     pub fn parse(text: &str) -> Result<Event> {
         let (slot_s, said) = Event::slot_and_expression(text)?;
         Event::of(slot_s, Expression::parse(said)?)
     }
 
-    /// First and last second of an event in words, and its expression.
+    /// Splits the text of an event into its first and last second and its expression.
     ///
     /// # Errors
-    /// `InvalidInput` where there are not two numbers with a `-` between and a `:` behind.
+    /// `InvalidInput` if the text does not start with two numbers, a `-` between them and a `:` after.
     pub fn slot_and_expression(text: &str) -> Result<([f64; 2], &str)> {
         let read = || {
             let (slot, said) = text.split_once(':')?;
@@ -55,7 +56,7 @@ impl Event {
         })
     }
 
-    /// An expression between two seconds.
+    /// An event that shows an expression between two times.
     ///
     /// # Errors
     /// Those of [`Event::check`].
@@ -70,7 +71,7 @@ impl Event {
         Ok(event)
     }
 
-    /// Whether one of its units moves a shape of ARKit's.
+    /// Whether one of the event's units moves this ARKit shape.
     pub fn shows(&self, shape: &str) -> bool {
         self.shows_by(shape, |_| true)
     }
@@ -80,8 +81,8 @@ impl Event {
         units.any(|&(unit, side)| ACTION_UNITS[unit].shows(side, shape))
     }
 
-    /// The frames about its slot, with the share of its strength in each. The strength rises and
-    /// falls within `edge_s`.
+    /// The frames of the slot and of the fades around it, each with its share of the event's
+    /// strength. The strength rises and falls over `edge_s`.
     fn shares(&self, frames: usize, fps: f64, edge_s: f64) -> impl Iterator<Item = (usize, f32)> {
         let [first, end] = self.slot(fps);
         let edge = (edge_s * fps).round() as usize;
@@ -92,22 +93,22 @@ impl Event {
         })
     }
 
-    /// Its first frame, and the one after its last.
+    /// The first frame of the slot, and the frame after its last.
     fn slot(&self, fps: f64) -> [usize; 2] {
         let [first, last] = self.slot_s.map(|second| (second * fps).round() as usize);
         [first, last.max(first.saturating_add(1))]
     }
 
-    /// Its units as [`Event::parse`] reads them: `12`, `6L`.
+    /// The event's units in the form that [`Event::parse`] reads: `12`, `6L`.
     pub fn written_units(&self) -> Vec<String> {
         let written = |(unit, side): &(usize, Side)| side.written(ACTION_UNITS[*unit].name);
         self.units.iter().map(written).collect()
     }
 
-    /// Whether its numbers are in range.
+    /// Checks that all numbers of the event are in range.
     ///
     /// # Errors
-    /// `InvalidInput` that names the one that is not.
+    /// `InvalidInput` names the number that is out of range.
     pub fn check(&self) -> Result<()> {
         let [start, end] = self.slot_s;
         let complaint = if !(start >= 0.0 && start < end && end.is_finite()) {
@@ -135,28 +136,30 @@ impl Event {
     }
 }
 
-/// Events frame by frame, as inputs of the model.
+/// Events frame by frame, in the form that the model takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventTrack {
-    /// `[T, 32]` of 0 and 1: units on the left, then on the right. A unit of one side is active on
+    /// `[T, 32]` of 0 and 1: units on the left, then on the right. A unit for one side is active on
     /// both, because the built-in model learned from symmetric faces. The mask restricts it to its
     /// side.
     pub active: Array2<f32>,
-    /// `[T, S]`, Z of eq. 6: the strongest event of each frame and shape. 0 away from all events.
+    /// `[T, S]`, Z of eq. 6: for each frame and shape, the largest strength of any event whose
+    /// learned units move the shape. 0 elsewhere.
     pub mask: Array2<f32>,
-    /// `[T, S]`, least weight of each frame and shape under units that no network has learned. 0
-    /// away from them.
+    /// `[T, S]`: the least weight of each shape in each frame, as set by units that no network has
+    /// learned. 0 elsewhere.
     pub put_on: Array2<f32>,
-    /// `[T]`, where an event is put over the speech.
+    /// `[T]`: whether an event overrides the speech in this frame.
     pub over_speech: Vec<bool>,
 }
 
 impl EventTrack {
-    /// `frames` frames at `fps`; frame `t` stands at `t / fps` seconds. An event has at least one
-    /// frame. Its strength rises within `edge_s` before its slot and falls within `edge_s` after
-    /// it. That is [`EDGE_S`], as the model has learned it, or 0 for a mask of the slot alone.
+    /// Samples events in `frames` frames at `fps`; frame `t` is at `t / fps` seconds. An event has
+    /// at least one frame. In the mask its strength rises over `edge_s` before its slot and falls
+    /// over `edge_s` after it. `edge_s` is [`EDGE_S`], as the model has learned it, or 0 for a mask
+    /// of the slot alone.
     ///
-    /// `shapes` are the model's, names of ARKit.
+    /// `shapes`: the ARKit names of the model's shapes.
     pub fn of(
         events: &[Event],
         shapes: &[String],
@@ -205,7 +208,7 @@ impl EventTrack {
     }
 }
 
-/// Turns eyes as events ask: `gaze` `[T, 2, 2]` as that of [`crate::motion::Life`].
+/// Turns the eyes as the events ask. `gaze` `[T, 2, 2]`: as in [`crate::motion::Life`].
 pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64) {
     for event in events {
         let units = event.units.iter().map(|(unit, _)| ACTION_UNITS[*unit]);
@@ -228,7 +231,7 @@ pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64) {
     }
 }
 
-/// From 0 to 1 without a corner at either end.
+/// Eases from 0 to 1 without a corner at either end.
 fn smooth(share: f32) -> f32 {
     share * share * (3.0 - 2.0 * share)
 }
@@ -300,7 +303,7 @@ mod tests {
         let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
         assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
-        // Eyes turn by their angles: shapes of a look down would also shut the lids.
+        // The gaze angles turn the eyes. The look-down shapes would also shut the lids.
         assert_eq!(
             (least(12, "eyeLookUpLeft"), least(12, "eyeLookDownLeft")),
             (0.0, 0.0)

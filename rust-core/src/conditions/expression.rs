@@ -1,12 +1,13 @@
-//! The grammar of events: which units a face shows, how strongly, and whether over the speech.
+//! The grammar of expressions: which units a face shows, how strongly, and whether they override
+//! the speech.
 //!
-//! The command, C, Python and the strips and markers of Blender read expressions here. [`crate::text::Reader`] reads
-//! texts that are neither units nor words of the menu.
+//! The command line, C, Python and Blender's strips and markers all parse expressions here.
+//! [`crate::text::Reader`] reads texts that are neither units nor words of the menu.
 
 use super::action_units::{ACTION_UNITS, ActionUnit, Side};
 use crate::{Error, Result};
 
-/// Words with fixed units: what animators call an expression, and its units. No model of texts reads these words.
+/// Animators' names for expressions, and the units of each. No text model is needed for these words.
 pub const MENU: [(&str, &str); 30] = [
     ("smile", "6,12"),
     ("smirk", "12L,14L"),
@@ -43,26 +44,27 @@ pub const MENU: [(&str, &str); 30] = [
 /// Largest strength of an event. 1 is the strength of the model itself.
 pub const MAX_EVENT_STRENGTH: f32 = 2.0;
 
-/// What stands between two units.
+/// Characters that separate two units.
 const SEPARATORS: &[char] = &[' ', '\t', '\r', '\n', ',', ';', '+', '&'];
 
-/// Units that a face is to show, and how.
+/// The units that a face should show, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expression {
     /// The expression without strength and `!`.
     pub said: String,
-    /// Each unit once: its number in [`ACTION_UNITS`], and its side. Empty if a model of texts has to read `said`.
+    /// Each unit once: its index in [`ACTION_UNITS`], and its side. Empty if `said` needs a text model.
     pub units: Vec<(usize, Side)>,
-    /// 0 to [`MAX_EVENT_STRENGTH`]: the number behind the expression, 1 if there is none.
+    /// 0 to [`MAX_EVENT_STRENGTH`]: the number after the expression, 1 if there is none.
     pub strength: f32,
-    /// Whether a `!` puts it over the speech.
+    /// Whether a `!` lets the expression override the speech.
     pub over_speech: bool,
 }
 
 impl Expression {
     /// Reads `12,6L`, `smile`, `left wink`, `right 9,10` or a text.
     ///
-    /// `:0.5` behind it is the strength. A `!` before or behind the strength puts the expression over the speech.
+    /// A `:0.5` after it sets the strength. A `!` before or after the strength lets the expression
+    /// override the speech.
     ///
     /// # Errors
     /// `InvalidInput` if the text says nothing, a unit does not exist, or the strength is out of range.
@@ -102,7 +104,7 @@ fn without_sign(text: &str) -> (&str, bool) {
 
 /// Reads units with separators between them: `12,6L`, `AU45 L`, `au01 + AU02`. `None` for any other text.
 ///
-/// A side before the first unit counts for all units. A unit without sides is on both.
+/// A side before the first unit applies to all units. Units that have no sides are on both.
 ///
 /// # Errors
 /// `InvalidInput` names the first unit that does not exist.
@@ -148,7 +150,7 @@ fn read_units(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
     Ok((!units.is_empty()).then_some(units))
 }
 
-/// Reads one unit, with `L` or `R` behind for one side: `45L`.
+/// Reads one unit, with `L` or `R` after it for one side: `45L`.
 ///
 /// # Errors
 /// `InvalidInput` if the text is anything but one unit.
@@ -161,7 +163,7 @@ pub fn read_unit(text: &str) -> Result<(usize, Side)> {
     }
 }
 
-/// The letters with which a text begins, and the rest.
+/// Splits a text into its leading letters and the rest.
 fn split_word(text: &str) -> (&str, &str) {
     text.split_at(
         text.find(|c: char| !c.is_alphabetic())
@@ -177,8 +179,8 @@ fn side_of(word: &str) -> Option<Side> {
     }
 }
 
-/// The units of a word of [`MENU`]. A side before, within or behind the word counts for all of them. `None` for other
-/// words.
+/// The units of an expression in [`MENU`]; `None` for other text. A side before, within or after
+/// the expression applies to all its units.
 fn of_menu(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
     let text = text.to_lowercase();
     let words = text

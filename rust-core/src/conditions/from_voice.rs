@@ -1,58 +1,65 @@
-//! How aroused a voice sounds, as emotion over time.
+//! Measures how aroused a voice sounds, and turns that into emotion over time.
 //!
-//! Arousal is what a voice shows most plainly: more effort (flatter spectrum), higher and wider
-//! pitch, more loudness (Scherer 2003). Valence is not read, so that joy, fear and anger look the
-//! same: an aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose
-//! the emotion yourself.
+//! A voice shows arousal more plainly than anything else: more effort (flatter spectrum), higher and
+//! wider pitch, more loudness (Scherer 2003). Valence is not measured, so joy, fear and anger look
+//! the same. An aroused voice widens the eyes and raises the brows, a drowsy one calms the face. To
+//! show a particular emotion, choose it yourself.
 //!
-//! The constants were set on the ten actors of emodb_de, on readings in four languages and on four acted
-//! clips of two people, so the following is no test. Mean arousal, and intensity: emodb anger 0.82, 0.62;
-//! joy 0.59, 0.42; fear 0.06, 0.13; neutral −0.31, 0.02; boredom −0.30, 0.03; sadness −0.52, 0.03. Acted
-//! joy 0.95, 0.75; acted anger, spoken low, 0.23, 0.06: nobody hears it in effort or pitch. Readings −0.53
-//! to 0.12, 0.01 to 0.10; a politician who declaims 1.03.
+//! The constants were tuned on the ten actors of emodb_de, on readings in four languages and on
+//! four acted clips of two people, so the following numbers are not an independent test. Mean
+//! arousal, and intensity: emodb anger 0.82, 0.62; joy 0.59, 0.42; fear 0.06, 0.13; neutral −0.31,
+//! 0.02; boredom −0.30, 0.03; sadness −0.52, 0.03. Acted joy 0.95, 0.75; acted anger in a low voice
+//! 0.23, 0.06, because it shows in neither effort nor pitch. Readings −0.53 to 0.12, 0.01 to 0.10;
+//! a politician who declaims 1.03.
 
 use super::{EMOTIONS, Emotion, EmotionCurve};
 use crate::audio::Prosody;
 
 /// Time between keys.
 const STEP_S: f64 = 0.25;
-/// Deviation of the window around a key; it reaches twice as far.
+/// Standard deviation of the Gaussian window around a key. The window reaches twice as far.
 const WINDOW_S: f64 = 0.5;
-/// Frames quieter than this below the loud ones carry echoes and noise.
+/// Frames this far below the loud ones hold only echoes and noise, and are left out.
 const HEARD_DB: f32 = 25.0;
-/// With this many voiced frames their measure counts by half, with more it counts more: for the
-/// clip, and for a window.
+/// The arousal of a clip with this many voiced frames counts half, with more frames more.
 const ENOUGH_CLIP: f32 = 30.0;
+/// The same for a window, whose frames are weighted.
 const ENOUGH_WINDOW: f32 = 20.0;
-/// The level that the loudest voiced frames exceed.
+/// The level at this quantile of the voiced frames separates the loudest from the rest.
 const LOUD_QUANTILE: f32 = 0.95;
-/// Effort is measured in frames no further below the loud ones than this.
+/// Effort is measured only in frames that are less than this below the loudest ones.
 const STRONG_DB: f32 = 12.0;
-/// Effort between neutral and lively readings, the step of one unit, and its weight.
+/// Effort between that of neutral and that of lively readings.
 const EFFORT_DB: f32 = -8.5;
+/// Effort above `EFFORT_DB` that counts as one unit.
 const EFFORT_STEP_DB: f32 = 3.0;
+/// Weight of one unit of effort in the arousal.
 const EFFORT_WEIGHT: f32 = 0.65;
-/// Semitones by which the usual pitch lies over the voice's floor: the same.
+/// The same for the semitones from the floor of the voice up to its usual pitch.
 const LIFT: f32 = 4.5;
 const LIFT_STEP: f32 = 3.0;
 const LIFT_WEIGHT: f32 = 0.25;
-/// A median pitch that few read at, semitones over 1 Hz (203 Hz): the same.
+/// The same for the median pitch, in semitones over 1 Hz. Few people read at a pitch this high
+/// (203 Hz).
 const RAISED: f32 = 92.0;
 const RAISED_STEP: f32 = 4.0;
 const RAISED_WEIGHT: f32 = 0.35;
-/// Changes within a clip that count as one unit of arousal.
+/// A moment this much louder than the clip, and `LOCAL_SEMITONES` higher, counts as one unit of
+/// arousal more.
 const LOCAL_DB: f32 = 12.0;
 const LOCAL_SEMITONES: f32 = 8.0;
-/// Arousal between these is neutral. Downwards readers differ more.
+/// Arousal between these is neutral. The range reaches further down, because readers differ more
+/// there.
 const NEUTRAL: (f32, f32) = (-0.6, 0.2);
-/// Intensity for each unit of arousal beyond [`NEUTRAL`].
+/// Intensity for each unit of arousal outside [`NEUTRAL`].
 const GAIN: f32 = 1.0;
-/// High arousal is shown as "surprised", low arousal as "calm": raised brows and wide eyes go with
-/// every high arousal, whether anybody is surprised or not.
+/// The emotion that shows high arousal. Aroused people raise their brows and widen their eyes,
+/// whether they are surprised or not.
 const AROUSED: &str = "surprised";
+/// The emotion that shows low arousal.
 const DROWSY: &str = "calm";
 
-/// One voiced moment.
+/// One voiced frame.
 struct Voiced {
     time_s: f64,
     level_db: f32,
@@ -60,8 +67,9 @@ struct Voiced {
     effort_db: f32,
 }
 
-/// Arousal over time, `(time_s, arousal)` every quarter of a second: about 0 for neutral reading, 1 and
-/// more when excited, −0.5 at least. Empty where no voice is heard.
+/// Arousal over time, `(time_s, arousal)` every quarter of a second: about 0 for neutral reading, 1
+/// and more for an excited voice. The mean of the whole clip is at least about −0.7. Empty if there
+/// is no voice.
 pub fn arousal(prosody: &Prosody) -> Vec<(f64, f32)> {
     let voiced = voiced(prosody);
     if voiced.is_empty() {
@@ -80,8 +88,8 @@ pub fn arousal(prosody: &Prosody) -> Vec<(f64, f32)> {
         .collect()
 }
 
-/// What is heard in a voice as an emotion curve: see the module. Intensity is at most 1, and 0 for
-/// silence.
+/// The arousal of a voice as an emotion curve: see the module. The intensity is at most 1, and 0
+/// for silence.
 pub fn emotion_from_voice(prosody: &Prosody) -> EmotionCurve {
     let keys = arousal(prosody)
         .into_iter()
@@ -118,7 +126,7 @@ fn voiced(prosody: &Prosody) -> Vec<Voiced> {
         .collect()
 }
 
-/// How aroused the whole clip is, by what does not need the speaker's other clips.
+/// How aroused the whole clip is, from measures that need no other clips of the speaker.
 fn clip_arousal(voiced: &[Voiced]) -> f32 {
     let count = voiced.len() as f32;
     let loudest = voiced.iter().map(|v| v.level_db);
@@ -128,7 +136,7 @@ fn clip_arousal(voiced: &[Voiced]) -> f32 {
     let pitch = || voiced.iter().map(|v| v.semitones);
     let usual = median(pitch());
     let lift = usual - quantile(pitch(), 0.1);
-    // A dull microphone says nothing about the speaker, so little effort counts for little.
+    // Low effort may only mean a dull microphone, so it can count for less than high effort.
     let effort = ((sum / frames.max(1.0) - EFFORT_DB) / EFFORT_STEP_DB).clamp(-1.0, 1.5);
     let lift = ((lift - LIFT) / LIFT_STEP).clamp(-0.3, 1.0);
     let raised = ((usual - RAISED) / RAISED_STEP).clamp(0.0, 1.0);
@@ -136,7 +144,7 @@ fn clip_arousal(voiced: &[Voiced]) -> f32 {
     all * count / (count + ENOUGH_CLIP)
 }
 
-/// How much more aroused than the clip a moment is: louder and higher.
+/// How much more aroused a moment is than the clip, because it is louder and higher.
 fn local(voiced: &[Voiced], time_s: f64, level_db: f32, semitones: f32) -> f32 {
     let reach_s = 2.0 * WINDOW_S;
     let from = voiced.partition_point(|v| v.time_s < time_s - reach_s);
@@ -169,7 +177,8 @@ mod tests {
     use super::*;
     use crate::audio::{PROSODY_FPS, Waveform};
 
-    /// Speech as numbers: a pitch that swings by `swing` semitones over 120 Hz, at an effort.
+    /// The prosody of speech at one effort, with a pitch that swings up to `swing` semitones above
+    /// 120 Hz.
     fn spoken(swing: f32, effort_db: f32) -> Prosody {
         let frames = 6 * PROSODY_FPS as usize;
         let pitch_hz = (0..frames)

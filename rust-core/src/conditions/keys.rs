@@ -1,4 +1,4 @@
-//! Emotion over time, written down.
+//! Reads emotion keys from text.
 
 use super::{Emotion, EmotionCurve, WordEmotion, unknown};
 use crate::{Error, Result};
@@ -7,16 +7,16 @@ impl EmotionCurve {
     /// Reads keys such as `0:neutral 2.5:happy:0.8,surprised:0.2 4:sad:0.5`.
     ///
     /// Each word is a time in seconds and an emotion as [`Emotion::parse`] reads it; times rise.
-    /// Strengths are linear between keys and held outside.
+    /// Strengths are linear between keys and constant before the first and after the last.
     ///
     /// # Errors
-    /// `InvalidInput` for no key, a time that is not a number or does not rise, and those of
-    /// [`Emotion::parse`].
+    /// `InvalidInput` if there is no key, or a time is negative, not a number or does not rise; the
+    /// errors of [`Emotion::parse`].
     pub fn parse_keys(text: &str) -> Result<Self> {
         EmotionCurve::parse_keys_with(text, &unknown)
     }
 
-    /// The same with words that are no category: see [`Emotion::parse_with`].
+    /// The same, but `of` reads words that are not categories: see [`Emotion::parse_with`].
     ///
     /// # Errors
     /// Those of [`EmotionCurve::parse_keys`] and of `of`.

@@ -43,10 +43,10 @@ pub(crate) type Strengths = [f32; EMOTIONS.len()];
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
 
-/// Gives the shares of [`EMOTIONS`] for a word, or says why it has none.
+/// Returns a word's shares of [`EMOTIONS`], or an error that says why it has none.
 pub type WordEmotion<'a> = &'a dyn Fn(&str) -> Result<[f32; 15]>;
 
-/// Knows no word but the categories themselves.
+/// The error for a word that is not a category.
 fn unknown(name: &str) -> Result<[f32; 15]> {
     Err(Error::InvalidInput(format!(
         "emotion: expected one of {}, got {name:?}",
@@ -76,7 +76,7 @@ impl Default for Emotion {
 
 impl Emotion {
     /// # Errors
-    /// `InvalidInput` for shares or an intensity that are no numbers.
+    /// `InvalidInput` if a share or the intensity is not finite.
     pub(crate) fn check_finite(&self) -> Result<()> {
         let mut values = self.mixture.iter().chain([&self.intensity]);
         match values.find(|value| !value.is_finite()) {
@@ -97,8 +97,8 @@ impl Emotion {
         Emotion::parse_with(text, &unknown)
     }
 
-    /// The same for words that are no category: `of` gives their shares of the categories, which
-    /// sum to 1, or says why a word has none.
+    /// The same, but `of` reads words that are not categories. It returns a word's shares of the
+    /// categories, which sum to 1, or an error that says why the word has none.
     ///
     /// # Errors
     /// Those of [`Emotion::parse`] and of `of`.
@@ -124,7 +124,7 @@ impl Emotion {
         Self::from_strengths(strength)
     }
 
-    /// From the strength of each category.
+    /// An emotion from the strength of each category.
     ///
     /// # Errors
     /// `InvalidInput` if a strength is negative or not finite, or their sum is above
@@ -151,15 +151,15 @@ impl Emotion {
 pub enum EmotionCurve {
     /// The same throughout.
     Constant(Emotion),
-    /// `(time_s, emotion)` in rising order; linear in between, held outside.
+    /// `(time_s, emotion)` in rising order; linear in between, constant before and after.
     Keys(Vec<(f64, Emotion)>),
-    /// The emotion in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until the
+    /// The emotion in the voice: see [`crate::speech::EmotionEar::heard`]. Neutral until the
     /// voice is analysed.
     Auto,
     /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until the voice is
     /// analysed.
     Arousal,
-    /// No emotion, and no other motion without speech: no blinks, no motion of the upper face.
+    /// No emotion, and no motion beyond speech: no blinks, no motion of the upper face.
     Off,
 }
 
@@ -179,7 +179,7 @@ impl EmotionCurve {
         }
     }
 
-    /// The same from `start_s` on: keys come that much earlier.
+    /// The curve from `start_s` on: every key moves that much earlier.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> EmotionCurve {
         match self {
@@ -192,7 +192,7 @@ impl EmotionCurve {
         }
     }
 
-    /// The curve of a sound of `from_s` seconds, stretched over `to_s` seconds.
+    /// Stretches the curve of a sound of `from_s` seconds to `to_s` seconds.
     #[cfg(feature = "emoface")]
     #[must_use]
     pub(crate) fn over(&self, from_s: f64, to_s: f64) -> EmotionCurve {
@@ -217,7 +217,7 @@ impl EmotionCurve {
         EmotionCurve::parse_with(text, &unknown)
     }
 
-    /// The same with words that are no category, as [`Emotion::parse_with`] reads them.
+    /// The same, but `of` reads words that are not categories: see [`Emotion::parse_with`].
     ///
     /// # Errors
     /// Those of [`Emotion::parse_with`].
@@ -259,8 +259,8 @@ impl EmotionCurve {
         }
     }
 
-    /// The same emotions with `factor` times their intensity. A voice that is not analysed yet
-    /// stays as it is.
+    /// The same emotions with `factor` times their intensity. Curves that name no emotion stay as
+    /// they are.
     pub fn scaled(&self, factor: f32) -> EmotionCurve {
         let scale = |emotion: &Emotion| match emotion.intensity * factor {
             intensity if intensity > 0.0 => Emotion {
@@ -276,7 +276,8 @@ impl EmotionCurve {
         }
     }
 
-    /// The largest intensity of any moment that is not purely neutral; 0 where all are.
+    /// The largest intensity among the named emotions that are not purely neutral; 0 if there are
+    /// none.
     pub fn strongest(&self) -> f32 {
         let strength_of = |emotion: &Emotion| match emotion.mixture[0] < 1.0 {
             true => emotion.intensity,

@@ -1,4 +1,4 @@
-//! Curves whose sum on the face stays within a tolerance.
+//! Fits curves so that their sum on the face stays within a tolerance.
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayView3, Axis};
 use rayon::prelude::*;
@@ -12,34 +12,36 @@ use crate::{
     job::{ProgressFn, report},
 };
 
-/// Where lips touch only this share of the tolerance is left.
+/// In frames in which lips touch, the tolerance shrinks to this share.
 const TOUCHING: f64 = 0.1;
-/// Share of the tolerance with which each curve starts: errors of many curves partly cancel.
+/// Each curve alone may at first use this share of the tolerance, because the errors of many curves
+/// partly cancel.
 const FIRST: f64 = 0.4;
-/// After this many rounds, a frame that is still off gets a key on the curve that misses most
+/// After this many rounds, a frame that is still off gets a key on the curve with the largest error
 /// there.
 const ROUNDS: usize = 8;
-/// About this many vertices are measured until the last check, which measures all.
+/// About this many vertices are measured until none of them is off. From then on all are measured.
 const LOOKED_AT: usize = 1500;
-/// Frames that are measured at once.
+/// Frames that one task measures together.
 const BLOCK: usize = 64;
 
-/// Curves, and the largest distance of any vertex from its place in any frame.
+/// The fitted curves and their error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceFit {
     /// One for each column of weights.
     pub curves: Vec<Curve>,
-    /// The unit of the shapes.
+    /// The largest distance of any vertex from its place in any frame, in the unit of the shapes.
     pub error: f64,
 }
 
-/// Curves for the weights `[T, K]` of shapes `[K, V, 3]` that keep every vertex within `tolerance`
-/// in every frame, and within a tenth of it in `touching` frames `[T]`. A run of touching frames
-/// starts and ends with a key on every curve that moves by more than the tolerance.
+/// Fits curves to the weights `[T, K]` of shapes `[K, V, 3]`. They keep every vertex within
+/// `tolerance` of its place in every frame, and within a tenth of that in `touching` frames `[T]`.
+/// A run of touching frames starts and ends with a key on every curve that moves the face by more
+/// than the tolerance.
 ///
 /// # Errors
-/// `InvalidInput` for other lengths, a tolerance that is not positive, or numbers that are not
-/// finite; `Cancelled`.
+/// `InvalidInput` if the lengths differ, the tolerance is not positive or a number is not finite;
+/// `Cancelled`.
 pub fn on_face(
     weights: ArrayView2<'_, f32>,
     shapes: ArrayView3<'_, f32>,
@@ -81,23 +83,26 @@ pub fn on_face(
             let error = errors.iter().copied().fold(0.0, f64::max);
             return Ok(FaceFit { curves, error });
         }
-        // Errors that only the measurement of all vertices shows are also corrected on all of them.
+        // From now on every round measures all vertices, because some errors only show then.
         all |= !off;
     }
 }
 
 struct Job<'a> {
     columns: &'a [Vec<f64>],
-    /// `[K, 3V]` of all vertices, and of those that are looked at first.
+    /// `[K, 3V]`: the shapes at all vertices.
     every: Array2<f32>,
+    /// The shapes at the vertices that are measured first.
     some: Array2<f32>,
-    /// What a curve may miss alone, in weight.
+    /// `[K]`: the error in weight with which a curve alone uses up the tolerance.
     limits: Vec<f64>,
-    /// The share of it, by frame; the tolerance and what must not be left out, by frame.
+    /// `[T]`: the share of its limit that a curve may use in a frame.
     shares: Vec<f64>,
+    /// `[T]`: the tolerance of each frame.
     tolerances: Vec<f64>,
+    /// `[T]`: the frames that must have a key on every curve in `moves`.
     fixed: Vec<bool>,
-    /// Whether a curve moves the face at all.
+    /// `[K]`: whether a curve moves the face by more than the tolerance.
     moves: Vec<bool>,
     pinned: Vec<Vec<bool>>,
     round: usize,
@@ -172,7 +177,7 @@ impl<'a> Job<'a> {
         (0..self.columns.len()).into_par_iter().map(one).collect()
     }
 
-    /// The error of the curves in weight, `[T, K]`.
+    /// How far each curve misses its weight, `[T, K]`.
     fn missed(&self, curves: &[Curve]) -> Array2<f32> {
         let mut missed = Array2::<f32>::zeros((self.shares.len(), curves.len()));
         for (k, (values, curve)) in self.columns.iter().zip(curves).enumerate() {
@@ -188,7 +193,7 @@ impl<'a> Job<'a> {
         let shapes = if all { &self.every } else { &self.some };
         let blocks: Vec<_> = missed.axis_chunks_iter(Axis(0), BLOCK).collect();
         let block = |rows: &ArrayView2<'_, f32>| {
-            // A single curve has columns one after another.
+            // The product for a single curve is column-major.
             let moved = rows.dot(shapes).as_standard_layout().into_owned();
             let far = |row: ArrayView1<'_, f32>| longest(row.as_slice().expect("row-major"));
             moved.rows().into_iter().map(far).collect::<Vec<_>>()
@@ -196,7 +201,7 @@ impl<'a> Job<'a> {
         blocks.par_iter().flat_map(block).collect()
     }
 
-    /// Leaves less room in frames that are off. Returns false where none is.
+    /// Lowers the limits in frames that are off. Returns whether there are any.
     fn tighten(&mut self, errors: &[f64], missed: &Array2<f32>) -> bool {
         self.round += 1;
         let mut off = false;

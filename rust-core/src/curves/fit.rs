@@ -1,4 +1,4 @@
-//! One curve: fits it within limits, and evaluates it in every frame.
+//! Fits one curve within limits, and evaluates it in every frame.
 
 use rayon::prelude::*;
 
@@ -8,22 +8,22 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// A curve through `values` with a key wherever `fixed` says so, and as few others as leave it
-/// within `limits` in every frame.
+/// Fits a curve to `values` that stays within `limits` in every frame. It has a key wherever
+/// `fixed` is true, and as few other keys as possible.
 ///
 /// All are `[T]`; limits are positive, in the unit of the values.
 ///
 /// # Errors
-/// `InvalidInput` for other lengths, limits that are not positive, or numbers that are not finite.
+/// `InvalidInput` if the lengths differ, a limit is not positive or a value is not finite.
 pub fn fit(values: &[f64], limits: &[f64], fixed: &[bool]) -> Result<Curve> {
     check(values, limits, fixed)?;
     Ok(fit_checked(values, limits, fixed))
 }
 
-/// The same for columns with one limit each, side by side.
+/// Fits several columns in parallel, each with one limit for all its frames.
 ///
 /// # Errors
-/// As [`fit`].
+/// Those of [`fit`]; `InvalidInput` if there is not one limit for each column.
 pub fn fit_each(columns: &[Vec<f64>], limits: &[f64], fixed: &[bool]) -> Result<Vec<Curve>> {
     if columns.len() != limits.len() {
         let (columns, limits) = (columns.len(), limits.len());
@@ -34,7 +34,7 @@ pub fn fit_each(columns: &[Vec<f64>], limits: &[f64], fixed: &[bool]) -> Result<
     columns.par_iter().zip(limits).map(one).collect()
 }
 
-/// The value of a curve through `values` in every frame, `[T]`.
+/// The value of `curve` in every frame, `[T]`. At its keys it has the values in `values`.
 pub fn evaluate(values: &[f64], curve: &[Key]) -> Vec<f64> {
     let mut drawn = values.to_vec();
     for pair in curve.windows(2) {
@@ -48,7 +48,7 @@ pub fn evaluate(values: &[f64], curve: &[Key]) -> Vec<f64> {
     drawn
 }
 
-/// [`fit`] after [`check`].
+/// [`fit`] for inputs that have passed [`check`].
 pub(super) fn fit_checked(values: &[f64], limits: &[f64], fixed: &[bool]) -> Curve {
     let rows = search::rows(values, limits, fixed);
     slopes::through(values, limits, &rows)

@@ -1,10 +1,10 @@
-//! Weights over time as few Bézier keys, which an animator can edit.
+//! Turns weights over time into a few Bézier keys, which an animator can edit.
 //!
-//! A [`Curve`] passes through the values at its keys. Between two of them it is a Bézier segment as
-//! animation tools evaluate it, whose handles reach [`REACH`] of the way to the next key. The fewest
-//! keys that stay within a tolerance are found by dynamic programming (Schneider 1990 splits where
-//! it must; this looks at all ways to split), extremes first. What counts is the face, not the
-//! curve: [`on_face`] measures the sum of all curves on the vertices.
+//! A [`Curve`] passes through the values at its keys. Between two keys it is a Bézier segment,
+//! evaluated as in animation tools. Its handles reach [`REACH`] of the way to the next key. Dynamic
+//! programming finds the fewest keys that stay within a tolerance and prefers keys at extremes.
+//! (Schneider 1990 splits a segment only where it must; this search tries all ways to split.) The
+//! face matters, not the single curve: [`on_face`] measures the sum of all curves on the vertices.
 
 mod face;
 mod fit;

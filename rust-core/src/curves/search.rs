@@ -1,18 +1,18 @@
-//! Which frames get keys: dynamic programming over all of them.
+//! Chooses the frames that get keys, by dynamic programming over all frames.
 
 use super::{
     segment::{LONGEST, Table},
     slopes::natural,
 };
 
-/// The search for a segment ends after this many longer ones in a row that do not fit.
+/// The search tries longer segments until more than this many in a row do not fit.
 const PATIENCE: usize = 12;
-/// By how much a key at an extreme is cheaper than another, and how much the error weighs against a
-/// key.
+/// A key costs 1. A key at an extreme costs this much less.
 const EXTREME: f64 = 0.3;
+/// A segment whose error reaches its limit costs this much more.
 const ERROR: f64 = 0.2;
 
-/// The frames of the keys, the first and the last among them.
+/// The frames of the keys, including the first and the last frame.
 pub fn rows(values: &[f64], limits: &[f64], fixed: &[bool]) -> Vec<usize> {
     let count = values.len();
     if count < 2 {

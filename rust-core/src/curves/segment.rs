@@ -1,26 +1,26 @@
-//! A Bézier segment between two keys, as tools evaluate it: the frame gives the parameter, the
-//! parameter the value.
+//! A Bézier segment between two keys, evaluated as in animation tools: the frame determines the
+//! parameter, and the parameter determines the value.
 
 use std::{borrow::Cow, sync::LazyLock};
 
-/// How far handles reach, as a share of the way to the next key; about as far as those that tools
-/// set themselves. At a third the equation for the parameter would lose its cubic term, which
-/// solvers in single precision do not bear.
+/// How far handles reach, as a share of the way to the next key. Automatic handles in animation
+/// tools reach about as far. At a third, the equation for the parameter would lose its cubic term,
+/// and solvers in single precision would fail.
 pub const REACH: f64 = 0.39;
 /// The longest segment that is fitted, frames.
 pub const LONGEST: usize = 64;
-/// How much the slopes of the values themselves count beside the fit.
+/// Weight of the values' own slopes against the fit.
 const NATURAL: f64 = 1e-3;
 
-/// What keys and slopes are worth in each frame of a segment of `length` frames.
+/// How much keys and slopes contribute to each frame of a segment of `length` frames.
 #[derive(Clone)]
 pub struct Table {
     pub length: usize,
-    /// Weights of the first key, of its slope and of the second key's, by frame.
+    /// By frame: the weights of the first key's value, of its slope and of the second key's slope.
     shares: Vec<[f64; 3]>,
 }
 
-/// Tables of all lengths that are fitted. A take asks for each of them thousands of times.
+/// Tables of all lengths that are fitted, because a take needs each of them thousands of times.
 static TABLES: LazyLock<Vec<Table>> = LazyLock::new(|| (0..=LONGEST).map(Table::new).collect());
 
 impl Table {
@@ -44,12 +44,12 @@ impl Table {
         Table { length, shares }
     }
 
-    /// The part of the value at a frame that the keys alone give.
+    /// The part of the value at a frame that comes from the values of the keys.
     pub fn ends(&self, at: usize, from: f64, to: f64) -> f64 {
         to + self.shares[at][0] * (from - to)
     }
 
-    /// The part that the slopes give.
+    /// The part that comes from the slopes.
     pub fn slopes(&self, at: usize, from: f64, to: f64) -> f64 {
         self.shares[at][1] * from + self.shares[at][2] * to
     }
@@ -59,12 +59,13 @@ impl Table {
         [self.shares[at][1], self.shares[at][2]]
     }
 
-    /// The largest error, as a share of `limits`, of the slopes that come nearest to `values`
-    /// `[length + 1]`; where nothing decides, of those near `natural`. The length is [`LONGEST`] at most.
+    /// Fits both slopes to `values` `[length + 1]` and returns the largest error, as a share of
+    /// `limits`. Slopes that the values leave open stay near `natural`. The length is at most
+    /// [`LONGEST`].
     pub fn excess(&self, values: &[f64], limits: &[f64], natural: [f64; 2]) -> f64 {
         let (first, last) = (values[0], values[self.length]);
         let (mut gram, mut right) = ([0.0; 3], [0.0; 2]);
-        // In units of the limits, so that a frame counts the more the less it may miss.
+        // Errors are in units of the limits, so that frames with tighter limits count more.
         let mut rows = [[0.0; 3]; LONGEST];
         let inner = 1..self.length;
         let frames = self.shares[inner.clone()]
@@ -89,7 +90,7 @@ impl Table {
     }
 }
 
-/// Both slopes, drawn a little to the `natural` ones.
+/// Solves for both slopes, and pulls them a little towards the `natural` ones.
 fn solve(gram: [f64; 3], right: [f64; 2], natural: [f64; 2]) -> [f64; 2] {
     let pull = NATURAL * (gram[0] + gram[2]);
     if pull <= 0.0 {
@@ -101,7 +102,7 @@ fn solve(gram: [f64; 3], right: [f64; 2], natural: [f64; 2]) -> [f64; 2] {
     [(c * p - b * q) / determinant, (a * q - b * p) / determinant]
 }
 
-/// The parameter at which a segment has gone a share of its frames: Newton's way.
+/// The parameter at which a segment has passed this share of its frames, by Newton's method.
 fn parameter(share: f64) -> f64 {
     let mut t = share;
     for _ in 0..20 {

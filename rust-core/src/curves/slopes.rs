@@ -1,16 +1,17 @@
-//! The slopes of handles: one for both sides of a key, so that it can be moved without a corner.
+//! Finds the slopes of the handles. Both handles of a key share one slope, so that the curve has no
+//! corner there when the key is moved.
 
 use std::borrow::Cow;
 
 use super::segment::Table;
 
-/// Weight of the slopes of the values themselves against the fit.
+/// Weight of the values' own slopes against the fit.
 const NATURAL: f64 = 1e-3;
 
 /// A key of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
-    /// The frame, whose value it keeps exactly.
+    /// The frame. The curve keeps its value exactly.
     pub row: usize,
     /// Slope of both its handles, per frame.
     pub slope: f64,
@@ -19,7 +20,8 @@ pub struct Key {
 /// Keys in the order of their frames; the first and the last frame have one.
 pub type Curve = Vec<Key>;
 
-/// Half the difference between the frame before and the one after, per frame.
+/// The slope at each frame: half the difference between the frames after and before it. At an end
+/// it is the difference to the only neighbour.
 pub fn natural(values: &[f64]) -> Vec<f64> {
     let last = values.len().saturating_sub(1);
     let slope = |at: usize| {
@@ -29,7 +31,7 @@ pub fn natural(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(slope).collect()
 }
 
-/// The curve with keys at `rows`, and with more keys where one slope a key leaves a frame beyond
+/// The curve with keys at `rows`. It gets more keys where one slope per key leaves a frame beyond
 /// its limit.
 pub fn through(values: &[f64], limits: &[f64], rows: &[usize]) -> Curve {
     let natural_slopes = natural(values);
@@ -67,7 +69,8 @@ fn excess(
     off
 }
 
-/// The frame that is farthest off in each segment, of neighbouring segments only the worst.
+/// The frame with the largest error in each segment that exceeds a limit. Segments beside a worse
+/// one are left out.
 fn worst(rows: &[usize], excess: &[f64]) -> Vec<usize> {
     let by_excess = |a: &usize, b: &usize| excess[*a].total_cmp(&excess[*b]);
     let peak = |pair: &[usize]| (pair[0] + 1..pair[1]).max_by(by_excess);
@@ -84,7 +87,7 @@ fn worst(rows: &[usize], excess: &[f64]) -> Vec<usize> {
     peaks.iter().enumerate().filter_map(chosen).collect()
 }
 
-/// One slope a key, by least squares over all segments: a tridiagonal system.
+/// Fits one slope per key by least squares over all segments, which is a tridiagonal system.
 fn shared(
     values: &[f64],
     limits: &[f64],

@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::job::SILENT;
 
-/// The value at frame `x` as Blender finds it: the parameter by halving, then the four points.
+/// The value at frame `x`, computed as in Blender: find the parameter, here by bisection, then
+/// evaluate the four points.
 fn bezier(points: [[f64; 2]; 4], x: f64) -> f64 {
     let at = |t: f64, c: usize| {
         let u = 1.0 - t;

@@ -1,10 +1,10 @@
-//! A moving mesh as a few shapes and their weights over time.
+//! Compresses a moving mesh to a few shapes and their weights over time.
 //!
-//! Displacements `D` `[T, 3V]` become `weights · shapes` with as few shapes as keep every vertex in
-//! every frame within a stated distance of its place. The shapes are principal components without
-//! centring, so that zero weights are the neutral mesh. Long clips go through a randomised range
-//! finder with one power iteration (Halko, Martinsson, Tropp 2011, algorithm 4.4); the error that
-//! is reported is measured on the result, not estimated.
+//! Displacements `D` `[T, 3V]` become `weights · shapes`. The number of shapes is the smallest that
+//! keeps every vertex in every frame within a stated distance of its place. The shapes are principal
+//! components without centring, so that zero weights give the neutral mesh. Long clips go through a
+//! randomised range finder with one power iteration (Halko, Martinsson, Tropp 2011, algorithm 4.4).
+//! The reported error is measured on the result, not estimated.
 
 mod reduced;
 mod sparsify;
@@ -25,11 +25,11 @@ use crate::{
 
 /// Vertices whose error is measured together.
 const VERTICES_PER_TASK: usize = 128;
-/// The search for the number of components begins here: a performance needs about so many.
+/// The search for the number of components begins here, because a performance needs about this many.
 const FIRST_COUNT: usize = 32;
-/// A clip that needs at most so many shapes is left at that; for one that needs more, so many
-/// rounds of weighting the vertices try to need fewer.
+/// A clip that needs at most this many shapes gets no rounds of weighting.
 const FEW: usize = 40;
+/// The most rounds that weight the vertices so that fewer shapes suffice.
 const ROUNDS: usize = 3;
 /// A round multiplies the weight of a vertex by at least this.
 const LEAST_EXCESS: f32 = 0.05;
@@ -39,9 +39,9 @@ const LEAST_EXCESS: f32 = 0.05;
 pub struct VertexBasis {
     /// `[K, V, 3]`, mesh units: the displacement at weight 1.
     pub shapes: Array3<f32>,
-    /// `[T, K]`, each shape's weights within [−1, 1] and touching one of the ends.
+    /// `[T, K]`: the weights of each shape lie within [−1, 1] and reach at least one of the ends.
     pub weights: Array2<f32>,
-    /// Largest distance of any vertex in any frame from where the clip has it, mesh units.
+    /// Largest distance of any vertex in any frame from its place in the clip, mesh units.
     pub max_error: f32,
     /// Frames per second.
     pub fps: f64,
@@ -62,14 +62,14 @@ impl VertexBasis {
     }
 }
 
-/// Few principal shapes that keep every vertex within `max_error` of its place, at most
-/// `max_shapes`. Where the error allows, no more than 20 of them have a weight in the same frame.
+/// Finds a few principal shapes, at most `max_shapes`, that keep every vertex within `max_error` of
+/// its place. If the error allows it, at most 20 of them have a weight other than 0 in any one frame.
 ///
-/// `max_error`: mesh units, at least 0. If `max_shapes` do not suffice the result says so by its
-/// own `max_error`. A clip that does not move has no shapes.
+/// `max_error`: mesh units, at least 0. If `max_shapes` are too few, the `max_error` of the result
+/// is larger than this. A clip that does not move has no shapes.
 ///
 /// # Errors
-/// `InvalidInput` for a negative `max_error`, no shapes, or displacements that are not finite;
+/// `InvalidInput` if `max_error` is negative, `max_shapes` is 0 or a displacement is not finite;
 /// `Cancelled`.
 pub fn compress(
     clip: &VertexClip,
@@ -105,14 +105,14 @@ pub fn compress(
     Ok(normalised(&chosen, error, vertices, clip.fps))
 }
 
-/// Components, and how many of them it takes.
+/// Components, how many of them are used, and the error that these leave.
 struct Choice {
     full: Components,
     count: usize,
     error: f32,
 }
 
-/// The fewest components, of some weighting of the vertices, that leave at most `max_error`.
+/// Tries several weightings of the vertices for the fewest components that leave at most `max_error`.
 fn choose(
     flat: &Array2<f32>,
     reduced: &Reduced,
@@ -134,8 +134,8 @@ fn choose(
         let left = errors_of_vertices(flat, &best.full, fewer, &all);
         emphasise(&mut weights, &left, max_error);
         let full = reduced.components(&weights)?;
-        // The vertices with the largest error before the round have it afterwards too: to find the
-        // number of components they are measured alone, and all vertices once at the end.
+        // The vertices with the largest error before the round also have it afterwards. So the search
+        // for the number of components measures only them. All vertices are measured once at the end.
         let worst = worst_tasks(&left, &all);
         let (count, _) = fewest(flat, &full, max_error, fewer, &worst);
         let error = largest_error(flat, &full, count, &all);
@@ -146,10 +146,10 @@ fn choose(
     Ok(best)
 }
 
-/// Gives vertices more weight the further they are from their place (`left` `[V]`, squared).
+/// Raises the weights of vertices that are far from their place (`left` `[V]`, squared distances).
 ///
-/// Principal components make the sum of squared errors small. What is asked for is a small largest
-/// error, which weights that are raised where it is large come nearer to (Lawson 1961).
+/// Principal components minimise the sum of squared errors, but here the largest error has to be
+/// small. Raising the weights where the error is large brings it down (Lawson 1961).
 fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
     for (weight, left) in weights.iter_mut().zip(left) {
         let excess = (left.sqrt() / max_error.max(f32::MIN_POSITIVE)).clamp(LEAST_EXCESS, 1e3);
@@ -159,10 +159,11 @@ fn emphasise(weights: &mut [f32], left: &[f32], max_error: f32) {
     weights.iter_mut().for_each(|weight| *weight /= mean);
 }
 
-/// The fewest components that leave at most `max_error`, and what they leave; all where none do.
+/// The fewest components that leave at most `max_error`, and the error that they leave. If even all
+/// components leave more, returns all.
 ///
-/// The error falls as components are added, so their number is found by doubling and halving,
-/// beginning with `guess`.
+/// The error falls as components are added, so doubling from `guess` and then bisection find their
+/// number.
 fn fewest(
     flat: &Array2<f32>,
     full: &Components,
@@ -189,14 +190,14 @@ fn fewest(
     (many, error)
 }
 
-/// The largest distance of any vertex in any frame from where the first `count` components have it.
+/// The largest distance of any vertex in any frame from where the first `count` components put it.
 fn largest_error(flat: &Array2<f32>, full: &Components, count: usize, tasks: &[usize]) -> f32 {
     let squares = errors_of_vertices(flat, full, count, tasks);
     squares.into_iter().fold(0.0, f32::max).sqrt()
 }
 
 /// The same for each vertex, squared. `tasks`: the first vertex of each group of
-/// [`VERTICES_PER_TASK`] vertices that is measured.
+/// [`VERTICES_PER_TASK`] vertices to measure.
 fn errors_of_vertices(
     flat: &Array2<f32>,
     full: &Components,
@@ -233,7 +234,7 @@ fn worst_tasks(left: &[f32], tasks: &[usize]) -> Vec<usize> {
     ranked.into_iter().map(|(_, task)| task).collect()
 }
 
-/// Raises `longest` `[n]` to the squared distances of `there` `[n, 3]` and `fitted` `[n, 3]`.
+/// Raises `longest` `[n]` to the squared distances between `there` and `fitted`, both `[n, 3]`.
 fn raise_to_distance(longest: &mut [f32], there: &[f32], fitted: &[f32]) {
     let pairs = there.chunks_exact(3).zip(fitted.chunks_exact(3));
     for (longest, (a, b)) in longest.iter_mut().zip(pairs) {
@@ -242,7 +243,7 @@ fn raise_to_distance(longest: &mut [f32], there: &[f32], fitted: &[f32]) {
     }
 }
 
-/// Components with weights that touch ±1.
+/// Scales the components so that the weights of each reach 1 or −1.
 fn normalised(chosen: &Components, error: f32, vertices: usize, fps: f64) -> VertexBasis {
     let (frames, count) = chosen.weights.dim();
     let columns = chosen.weights.columns().into_iter();
@@ -265,7 +266,7 @@ mod tests {
     use super::*;
     use crate::job::SILENT;
 
-    /// Three smooth motions over `vertices`, and a small fourth.
+    /// Two smooth motions over `vertices`, and a small third.
     fn clip(frames: usize, vertices: usize) -> VertexClip {
         let displacements = Array3::from_shape_fn((frames, vertices, 3), |(t, v, x)| {
             let (t, v) = (t as f32 * 0.21, v as f32 * 0.37 + x as f32);

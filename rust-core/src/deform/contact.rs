@@ -9,29 +9,32 @@
 //! 2. Dijkstra along the edges, from the inner landmarks of both lips, says which vertices belong to which lip.
 //! 3. The line is divided into [`PIECES`]. The rim of the upper lip has the lowest vertex of each piece, that of the
 //!    lower lip the highest. Only vertices within [`RIM_CM`] of their lip's landmarks count.
-//! 4. [`SAMPLES`] places along the line note the two rim vertices of each lip beside them, and the neutral gap.
-//! 5. Skin beside the rims, and what follows this skin, gets its share of a change of the gap. The share is half at the
-//!    upper rim and minus half at the lower one. It fades to 0 at the reach of the slit.
+//! 4. Each of [`SAMPLES`] places along the line stores the two rim vertices of each lip beside it,
+//!    and the neutral gap.
+//! 5. The skin beside the rims, and every vertex that follows it, gets a share of each change of
+//!    the gap. The share is half at the upper rim and minus half at the lower one. It fades to 0 at
+//!    the reach of the slit.
 //!
 //! In each frame:
-//! 1. Where the gap is less than 0, the rims are pushed apart by what is missing. A neutral face whose rims overlap
-//!    already may keep that overlap.
-//! 2. Where the landmarks have met but the rims have not, the rims are pulled together. The pull grows as the landmarks
-//!    come nearer to one another. It ends at gaps of [`PULL_CM`], because rims so far apart are not what the landmarks
-//!    lie on.
+//! 1. Where the gap is less than 0, the rims are pushed apart until it is 0. Rims that already
+//!    overlap in the neutral face may keep that overlap.
+//! 2. Where the landmarks have met but the rims have not, the rims are pulled together. The pull
+//!    grows as the landmarks come nearer to one another. Gaps of [`PULL_CM`] or more are not
+//!    pulled, because the landmarks cannot lie on rims so far apart.
 //! 3. Both are smoothed along the line, and every vertex moves up or down by its share of the change at its place.
 //!
 //! The preparation costs a few passes over V, and up to [`PIECES`] distances for each vertex near the mouth. A frame
 //! costs one pass over the samples and one over the vertices with a share. Nothing iterates.
 //!
-//! Not obvious: a push is spread by the maximum over its neighbours before it is smoothed. The smooth push is then
-//! nowhere less than what opens the crossing. A pull leaves a part of the gap, the larger the wider the gap is, and is
-//! only smoothed. Beside a place with a larger pull it may go slightly too far. A frame whose gaps all stay is not
-//! touched, bit for bit.
+//! Not obvious: a push is spread by the maximum over its neighbours before it is smoothed. So the
+//! smoothed push is large enough everywhere to open the crossing. A pull leaves a part of the gap,
+//! a larger part of a wider gap, and is only smoothed. Beside a place with a larger pull it may go
+//! slightly too far. A frame in which no gap changes stays the same, bit for bit.
 //!
-//! What can go wrong: the corners lie less than a millimetre apart or one above the other, or a lip has fewer than two
-//! rim vertices. Then there is no [`Slit`], and the mouth follows its landmarks alone. A lip that no edge joins to the
-//! landmarks' skin belongs to neither side and gets no share.
+//! What can go wrong: the corners lie less than a millimetre apart or one above the other, or a lip
+//! has fewer than two rim vertices. Then there is no [`Slit`], and the mouth follows its landmarks
+//! alone. A lip without edges to the skin at the landmarks belongs to neither side and gets no
+//! share.
 //!
 //! Lengths are canonical centimetres.
 
@@ -51,16 +54,16 @@ use crate::{
 const REACH_OF_PARTS_CM: f32 = 2.0;
 /// Places from corner to corner at which the gap is measured.
 const SAMPLES: usize = 24;
-/// Pieces from corner to corner. In each a rim has one vertex at most.
+/// Pieces from corner to corner. A rim has at most one vertex in each.
 const PIECES: usize = 32;
-/// A rim lies no further than this from its landmarks' line.
+/// A rim vertex lies at most this far from the line through its landmarks.
 const RIM_CM: f32 = 0.3;
 /// Two landmarks have met when they are nearer than this and nearer than half their neutral distance.
 const MET_CM: f32 = 0.05;
 /// Rims further apart than this stay apart, because their landmarks do not lie on them.
 const PULL_CM: f32 = 0.3;
 
-/// A slit by its landmarks.
+/// The landmarks of a slit.
 struct Marks {
     upper: &'static [usize],
     lower: &'static [usize],
@@ -74,7 +77,7 @@ const MOUTH: Marks = Marks {
     reach_cm: 1.2,
 };
 
-/// Two numbers of vertices or landmarks with their shares.
+/// The numbers of two vertices or landmarks, with their shares.
 type Between = [(u32, f32); 2];
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -87,10 +90,10 @@ struct Sample {
     marks_gap: f32,
 }
 
-/// The rims of the mouth, and what moves with them.
+/// The rims of the mouth, and the vertices that move with them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slit {
-    /// Unit vector from the lower to the upper rim, the mesh's own axes.
+    /// Unit vector from the lower to the upper rim, in the mesh's own axes.
     up: [f32; 3],
     /// Mesh units to centimetres.
     to_cm: f32,
@@ -100,7 +103,7 @@ pub(super) struct Slit {
     touched: Vec<(u32, f32, f32)>,
 }
 
-/// What the search for rims needs of the neutral face, canonical centimetres.
+/// The parts of the neutral face that the search for rims needs, canonical centimetres.
 struct NeutralFace<'a> {
     /// The skin with its seams sewn up.
     mesh: &'a Mesh,
@@ -112,7 +115,7 @@ struct NeutralFace<'a> {
     follows: &'a [Follows],
 }
 
-/// Finds the mouth's slit; `None` where it has no two rims.
+/// Finds the mouth's slit; `None` if the mouth does not have two rims.
 ///
 /// `landmarks`: of the neutral face, canonical centimetres.
 pub(super) fn mouth_slit(
@@ -182,7 +185,7 @@ impl NeutralFace<'_> {
         rim
     }
 
-    /// Distance of a point from the line through the landmarks of a rim.
+    /// Distance from a point to the line through the landmarks of a rim.
     fn away_from_marks(&self, marks: &[usize], p: [f32; 3]) -> f32 {
         let pieces = marks.windows(2);
         pieces
@@ -224,7 +227,7 @@ impl NeutralFace<'_> {
             .collect()
     }
 
-    /// Skin beside the rims and what follows it, with their shares.
+    /// The skin beside the rims and the vertices that follow it, with their places and shares.
     fn touched(
         &self,
         line: &Line,
@@ -281,8 +284,8 @@ impl Slit {
         self.touched.iter().map(|(vertex, ..)| *vertex)
     }
 
-    /// The same slit on a mesh with fewer vertices. `new` gives the new number of a vertex, or `None` if the mesh
-    /// has it no longer. All vertices of the rims must still be there.
+    /// The same slit on a mesh with fewer vertices. `new` gives the new number of a vertex, or
+    /// `None` if it is not left. All vertices of the rims must be left.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Slit {
         let all = |of: Between| of.map(|(v, share)| (new(v).expect("rims are left"), share));
         let samples = self.samples.iter().map(|sample| Sample {
@@ -377,7 +380,7 @@ fn between(rim: &[(f32, u32)], place: f32) -> Between {
     [(a.1, 1.0 - along), (b.1, along)]
 }
 
-/// From one corner of a slit to the other.
+/// The line from one corner of a slit to the other.
 struct Line {
     start: [f32; 3],
     across: [f32; 3],
@@ -422,7 +425,7 @@ impl Line {
     }
 }
 
-/// Distance from a point to the straight line that joins two others.
+/// Distance from a point to the line segment between two others.
 fn from_piece(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
     let [p, a, b] = [p, a, b].map(Vec3::from);
     p.distance(nearest_between(p, a, b))

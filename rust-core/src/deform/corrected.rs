@@ -1,4 +1,4 @@
-//! What a frame needs beyond weights over the landmarks.
+//! Corrects decoded frames where weights over the landmarks are not enough: jaw, mouth and eyes.
 
 mod corrections;
 mod products;
@@ -47,7 +47,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         if landmarks.dim().1 != LANDMARKS || landmarks.dim().2 != 3 {
-            // The decoder says what it expected.
+            // The decoder returns the error.
             return self.decoder.deform(landmarks, progress);
         }
         self.corrected(landmarks, None, progress)

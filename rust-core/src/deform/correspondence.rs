@@ -1,8 +1,9 @@
-//! Which points of a reference face every point of another face follows.
+//! Finds the points of a reference face that each vertex of another face follows.
 //!
-//! The reference is bent onto the other face by interpolating the shift of the 68 landmarks with the radial
-//! basis `|r|` (Hardy 1971). A vertex then takes what the nearest points say whose skin lies in its own plane,
-//! and less where they lie far from it: the upper lip does not follow the lower one, nor a cheek the gums.
+//! To warp the reference onto the other face, the shift of the 68 landmarks is interpolated with
+//! the radial basis `|r|` (Hardy 1971). A vertex then follows its nearest points, more if their
+//! skin lies in its own plane and less if they are far from it. So the upper lip does not follow
+//! the lower one, nor a cheek the gums.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -13,12 +14,13 @@ use rayon::prelude::*;
 
 use crate::{face::nearest::PointGrid, mesh::ibug::LANDMARKS};
 
-/// Points that a vertex listens to.
+/// The most points that a vertex follows.
 const NEIGHBOURS: usize = 4;
-/// Added to distances, so that a point that is hit exactly does not stand alone, decimetres.
+/// Added to distances, so that a point at distance 0 does not outweigh all others, decimetres.
 const SOFT_DM: f32 = 0.003;
-/// Distance of the nearest point up to which a vertex follows wholly, and from which not at all.
+/// If its nearest point is no further than this, a vertex follows fully.
 const FULL_WITHIN_DM: f32 = 0.06;
+/// If its nearest point is this far or further, a vertex does not follow at all.
 const GONE_AT_DM: f32 = 0.12;
 const CELL_DM: f32 = 0.04;
 
@@ -29,7 +31,7 @@ pub struct ReferencePoints {
     pub points: Vec<[f32; 3]>,
     /// `[P]`, unit.
     pub normals: Vec<[f32; 3]>,
-    /// Of the same face; no two at one place.
+    /// Of the same face; no two are at the same place.
     pub landmarks: [[f32; 3]; LANDMARKS],
 }
 
@@ -38,18 +40,18 @@ pub struct ReferencePoints {
 pub struct FollowingFace<'a> {
     /// `[V]`.
     pub positions: &'a [[f32; 3]],
-    /// Of these; which side is the front does not matter.
+    /// Of these positions; the winding does not matter.
     pub triangles: &'a [[u32; 3]],
     /// Of the neutral face.
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
 }
 
-/// For each vertex of a face the points that it follows and their shares, whose sum is at most 1.
+/// For each vertex of a face, the points that it follows and their shares. The shares sum to at most 1.
 #[derive(Debug, Clone)]
 pub struct Correspondence(Vec<Vec<(u32, f32)>>);
 
 impl ReferencePoints {
-    /// Two landmarks at the same place: nothing can be interpolated between them.
+    /// Two landmarks at the same place, if there are any. The interpolation fails for them.
     pub fn coinciding(&self) -> Option<[usize; 2]> {
         let all = self.landmarks.iter().enumerate();
         let mut pairs = all.filter_map(|(n, at)| {
@@ -59,7 +61,7 @@ impl ReferencePoints {
         pairs.next()
     }
 
-    /// Which points each vertex of `face` follows.
+    /// Finds the points that each vertex of `face` follows.
     pub fn carried_to(&self, face: FollowingFace<'_>) -> Correspondence {
         let planes = planes(face.positions, face.triangles);
         let points = self.warped(face.landmarks);
@@ -83,7 +85,7 @@ impl ReferencePoints {
         Correspondence(positions.map(followed).collect())
     }
 
-    /// The points where the face of `landmarks` has them.
+    /// The points, warped onto the face with these `landmarks`.
     pub(crate) fn warped(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
         let size = LANDMARKS + 1;
         let radial = |a: [f32; 3], b: [f32; 3]| -f64::from(Vec3::from(a).distance(b.into()));
@@ -110,7 +112,7 @@ impl ReferencePoints {
 }
 
 impl Correspondence {
-    /// What a field over the points, `[P, C]`, is on the vertices, `[V, C]`.
+    /// Transfers a field over the points, `[P, C]`, to the vertices, `[V, C]`.
     pub fn of(&self, field: ArrayView2<'_, f32>) -> Array2<f32> {
         let mut out = Array2::zeros((self.0.len(), field.ncols()));
         let rows = out.outer_iter_mut().into_par_iter().zip(&self.0);
@@ -123,8 +125,9 @@ impl Correspondence {
     }
 }
 
-/// How the triangles about a vertex face, whatever their order: `Σ n nᵀ` of their doubled areas' vectors,
-/// upper triangle row by row.
+/// The planes of the triangles around a vertex, whatever their winding: `Σ n nᵀ`, where `n` is the
+/// normal of a triangle, as long as twice its area. Holds the upper triangle of this matrix, row by
+/// row.
 #[derive(Debug, Clone, Copy, Default)]
 struct Planes([f32; 6]);
 

@@ -1,15 +1,16 @@
-//! Creases: what the skin between the landmarks does, carried over from one face by correspondence.
+//! Creases: folds of the skin between the landmarks, transferred from a reference face by correspondence.
 //!
 //! Twin of `training/deform/creases.py`.
 //!
 //! `ΔV = … + s(v) B(v) C ΔL`
 //!
-//! 68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks,
-//! and a network over them smooths it away. On a reference face the residual of every point is a linear
-//! function of the landmarks' motion; `C` are its combinations and `B` its values at points of that
-//! face's surface. Another face follows them by [`ReferencePoints`]. There is one reference for each kind of
-//! faces that the static weights know, and a face follows that of the kind it is nearest to: every artist
-//! folds skin elsewhere.
+//! 68 landmarks cannot tell how the skin folds between the brows, beside the nose and over the
+//! cheeks, and a network over them smooths the folds away. On a reference face the residual of
+//! every point is a linear function of the landmarks' motion. `C` holds combinations of that
+//! motion, and `B` their effect at points of that face's surface. [`ReferencePoints`] transfers
+//! them to another face. There is one reference for each kind of face that the static weights know.
+//! A face follows the reference of the kind nearest to it, because every artist folds skin in other
+//! places.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -25,7 +26,7 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the creases.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::CREASES);
 
 const COORDINATES: usize = 3 * LANDMARKS;
@@ -84,7 +85,8 @@ impl Creases {
         })
     }
 
-    /// The reference of a kind of the static weights; the last one where there is none of its own.
+    /// The reference for a kind of face in the static weights; the last one if the kind has none of
+    /// its own.
     pub fn of_kind(&self, kind: usize) -> &ReferenceFace {
         &self.faces[kind.min(self.faces.len() - 1)]
     }
@@ -120,7 +122,7 @@ impl ReferenceFace {
         &self.motion
     }
 
-    /// `s B` of a face, `[V, 3 K]`, axis by axis.
+    /// `s B` on a face, `[V, 3 K]`, axis by axis.
     pub fn carried_to(&self, face: FollowingFace<'_>) -> Array2<f32> {
         self.reference.carried_to(face).of(self.cross.view())
     }
@@ -233,7 +235,7 @@ mod tests {
         let reflected: Vec<[f32; 3]> = points.iter().map(|&p| flip(p)).collect();
         let here = carried(creases, &points, &triangles, &landmarks);
         let there = carried(creases, &reflected, &triangles, &landmarks);
-        // Anger on one side alone, and on the other.
+        // Lowers the brow on one side alone, then the brow on the other.
         let rank = creases.motion.nrows();
         let mut brow = ndarray::Array1::zeros(COORDINATES);
         for n in 22..27 {

@@ -1,4 +1,4 @@
-//! What a system brings to move a face by: codes of its own, or a way to spread landmarks.
+//! What a system can bring of its own to move a face: codes, or a way to spread landmark motion.
 
 use std::{fmt, sync::Arc};
 
@@ -9,13 +9,13 @@ use crate::{
     job::ProgressFn,
 };
 
-/// What codes of one model mean, on any face.
+/// The meaning of one model's codes on any face.
 pub trait CodeSpace: Send + Sync {
     /// The name of the model.
     fn name(&self) -> &'static str;
 
-    /// The field by which the codes move the vertices of a face, kept with the face and in `cache`; `None` where the
-    /// face's controls ask for landmarks alone.
+    /// The field with which the codes move the vertices of a face. It is kept with the face and may
+    /// be kept in `cache`. `None` if the face's controls ask for landmarks alone.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
@@ -28,9 +28,10 @@ impl fmt::Debug for dyn CodeSpace {
     }
 }
 
-/// A way to spread landmark motion over faces that is a system's own. It works on every vertex: its faces have no proxy.
+/// A system's own way to spread landmark motion over faces. It works on every vertex, so its faces
+/// have no proxy.
 pub trait Decoder {
-    /// Prepares it for one face; what takes long is kept in `cache`.
+    /// Prepares the decoder for one face. Results that take long to compute are kept in `cache`.
     ///
     /// # Errors
     /// Those of the weights and of the mesh; `Cancelled`.

@@ -1,6 +1,8 @@
-//! By which share vertices follow something that moves them beside the landmarks, and where that share ends.
+//! Shares by which vertices follow something other than the landmarks, and how these shares fade
+//! out.
 //!
-//! Lids and lips follow their landmarks alone, because landmarks say best when lids and lips touch.
+//! Lids and lips follow their landmarks alone, because the landmarks show best when lids and lips
+//! touch.
 
 use glam::Vec3;
 
@@ -12,16 +14,16 @@ pub(crate) fn within(distance: f32, (full, gone): (f32, f32)) -> f32 {
     smooth((gone - distance) / (gone - full))
 }
 
-/// 0 where `p` lies nearer than `near` to any of the `points`, 1 where it lies farther than `far` from all of them.
-/// In between the value rises smoothly.
+/// 0 where `p` lies nearer than `near` to any of the `points`, 1 where it lies farther than `far`
+/// from all of them. In between, the value rises smoothly.
 pub(crate) fn beyond(points: &[[f32; 3]], p: [f32; 3], (near, far): (f32, f32)) -> f32 {
     let distances = points.iter().map(|q| Vec3::from(p).distance((*q).into()));
     let nearest = distances.fold(f32::INFINITY, f32::min);
     smooth((nearest - near) / (far - near))
 }
 
-/// Replaces the shares of `vertices` by means over their neighbours, several times. A share never grows, so no vertex
-/// begins to follow something far away.
+/// Smooths the shares of `vertices` by averaging them over their neighbours, several times. A share
+/// never grows, so no vertex begins to follow something far away.
 pub(crate) fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], vertices: &[u32]) {
     for _ in 0..EVENED {
         let mut sums = vec![(0.0, 0.0); shares.len()];

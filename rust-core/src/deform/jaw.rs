@@ -1,10 +1,11 @@
-//! The motion of the lower jaw that the face's contour implies.
+//! Derives the motion of the lower jaw from the contour of the face.
 //!
-//! The jaw is a rigid body: it turns about the hinge in front of the ears (pitch, and a little yaw)
-//! and the hinge slides. Those five numbers are linear in the displacements of the contour's
-//! landmarks 2 to 14, a ridge regression on ICT FaceKit's lower teeth (`training/deform/fit_jaw.py`) that
-//! tells the bone's motion from that of the skin over it. What they do to a point is not linear: it
-//! turns with the bone, so that wide open jaws keep the shape of their teeth.
+//! The jaw is a rigid body: it turns about the hinge in front of the ears (pitch, and a little
+//! yaw), and the hinge slides. These five numbers are linear in the displacements of the contour's
+//! landmarks 2 to 14. A ridge regression on ICT FaceKit's lower teeth
+//! (`training/deform/fit_jaw.py`) gives the coefficients; it separates the motion of the bone from
+//! that of the skin over it. The displacement of a point is not linear in the five numbers: the
+//! point turns with the bone, so the teeth keep their shape when the jaw opens wide.
 
 use std::sync::LazyLock;
 
@@ -14,19 +15,19 @@ use crate::mesh::ibug::LANDMARKS;
 
 /// Pitch and yaw in radians, slide x, y, z in canonical centimetres.
 const NUMBERS: usize = 5;
-/// Numbers of a pose in which the motion of every point is linear.
+/// Numbers that describe a pose such that the displacement of every point is linear in them.
 pub(super) const POSE_NUMBERS: usize = 12;
 
-/// What `training/deform/fit_jaw.py` writes.
+/// The file that `training/deform/fit_jaw.py` writes.
 #[derive(Deserialize)]
 struct Fitted {
     landmarks: Vec<usize>,
-    /// From the middle of landmarks 2 and 14: shares of the way to the chin, and of that way turned
-    /// by a right angle.
+    /// Position of the hinge relative to the midpoint of landmarks 2 and 14: a share of the vector
+    /// to the chin, and a share of that vector turned by a right angle.
     hinge: [f32; 2],
-    /// From hinge to chin on the head that was fitted.
+    /// Distance from the hinge to the chin on the head used for the fit.
     lever_cm: f32,
-    /// `[5][39]`, for every number and contour coordinate x, y, z.
+    /// `[5][39]`, a coefficient for every number and contour coordinate x, y, z.
     pose: Vec<Vec<f32>>,
 }
 
@@ -38,16 +39,16 @@ static FITTED: LazyLock<Fitted> = LazyLock::new(|| {
 /// The lower jaw of one head, canonical centimetres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Jaw {
-    /// About which it turns.
+    /// The point about which the jaw turns.
     pub hinge: [f32; 3],
-    /// How much longer than the fitted head's the way from hinge to chin is.
+    /// Distance from the hinge to the chin, relative to the head used for the fit.
     size: f32,
 }
 
 /// Where the jaw is in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JawPose {
-    /// Rotation less the identity.
+    /// Rotation matrix minus the identity.
     turn: [[f32; 3]; 3],
     slide: [f32; 3],
 }
@@ -89,7 +90,7 @@ impl Jaw {
 }
 
 impl JawPose {
-    /// The turn, row by row, and the slide.
+    /// The turn, row by row, then the slide.
     pub(super) fn numbers(&self) -> [f32; POSE_NUMBERS] {
         let mut numbers = [0.0; POSE_NUMBERS];
         numbers[..9].copy_from_slice(self.turn.as_flattened());
@@ -104,7 +105,7 @@ impl JawPose {
     }
 }
 
-/// The rotation by the vector (pitch, yaw, 0) less the identity (Rodrigues).
+/// The rotation by the vector (pitch, yaw, 0), minus the identity (Rodrigues).
 fn turn(pitch: f32, yaw: f32) -> [[f32; 3]; 3] {
     let angle = pitch.hypot(yaw);
     let (sine, versine) = match angle < 1e-4 {
@@ -133,7 +134,7 @@ mod tests {
         canonical_landmarks().map(|p| p.map(|x| 100.0 * x))
     }
 
-    /// The skin of the chin as it follows a jaw that opens: less and less towards the ears.
+    /// Motion of the chin's skin over an opening jaw: less and less towards the ears.
     fn opening(sign: f32) -> [[f32; 3]; LANDMARKS] {
         let mut moved = [[0.0; 3]; LANDMARKS];
         for n in 2..=14usize {
@@ -195,7 +196,7 @@ mod tests {
         let [left, right] = [jaw.pose(&one), jaw.pose(&other)];
         let a = left.displacement([1.0, -4.0, 8.0]);
         let b = right.displacement([-1.0, -4.0, 8.0]);
-        // Sums of 39 products of size 0.1 in another order, times a lever of 9 cm.
+        // Covers sums of 39 products of size 0.1 in another order, times a lever of 9 cm.
         for (a, b) in a.iter().zip([-b[0], b[1], b[2]]) {
             assert!((a - b).abs() < 1e-4, "{a} {b}");
         }

@@ -1,13 +1,13 @@
-//! Lips that are one surface: what landmarks that part mean for skin that cannot.
+//! Adapts landmarks that part to lips that are one surface and cannot part.
 //!
-//! Landmarks of the two lips move apart when a mouth opens. On a surface without a slit they lie a
-//! few millimetres from each other, and following them would draw out the skin in between. So the
-//! opening of the lips' borders is spread over all the skin from the nose to the chin, which then
-//! stretches evenly: the skin above the lips, the lips and the skin below each take the share of it that
-//! their own length is of the whole. The inner rims move as one seam in between; corners, width,
-//! protrusion and jaw stay as asked.
+//! When a mouth opens, the landmarks of the two lips move apart. On a surface without a slit they
+//! lie a few millimetres from each other, and following them would stretch the skin in between. So
+//! this module spreads the opening of the lips' borders over all the skin from the nose to the
+//! chin, which then stretches evenly. The skin above the lips, the lips and the skin below them
+//! each take a share of the opening in proportion to their length. The inner rims move as one seam
+//! in between. Corners, width, protrusion and jaw move as requested.
 //!
-//! The result is linear in the landmarks and mixes no axes.
+//! The result is linear in the landmarks and does not mix the axes.
 
 use glam::Vec3;
 use ndarray::{Array3, ArrayView3};
@@ -18,18 +18,19 @@ use crate::mesh::{
     ibug::{INNER_LIPS, LANDMARKS, OUTER_LIPS},
 };
 
-/// Of each inner pair the pair of borders that it lies between.
+/// For each inner pair, the index of the pair of borders that it lies between.
 const BORDER_OF_INNER: [usize; 3] = [1, 2, 3];
-/// Below the nose, middle of the upper and of the lower lip's border, chin.
+/// Below the nose, middle of the upper lip's border, middle of the lower lip's border, chin.
 const PROFILE: [usize; 4] = [33, 51, 57, 8];
 
-/// How landmarks of lips that are one surface are moved instead.
+/// How to move the landmarks of lips that are one surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct JoinedLips {
-    /// Shares of an opening that the skin above the lips, the lips and the skin below take; their sum
-    /// is 1.
+    /// Shares of an opening that the skin above the lips, the lips and the skin below them take;
+    /// their sum is 1.
     shares: [f32; 3],
-    /// Of each inner pair: the part of the way from the upper to the lower border at which it meets.
+    /// For each inner pair, the share of the way from the upper to the lower border at which it
+    /// meets.
     heights: [f32; 3],
 }
 
@@ -49,7 +50,8 @@ impl JoinedLips {
         })
     }
 
-    /// Displacements that keep the lips together. `landmarks`: `[T, 68, 3]`, any unit and axes.
+    /// Returns displacements that keep the lips together. `landmarks`: `[T, 68, 3]`, any unit and
+    /// axes.
     pub(super) fn apply(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
         let mut out = landmarks.to_owned();
         let [above, _, below] = self.shares;
@@ -72,7 +74,8 @@ impl JoinedLips {
     }
 }
 
-/// The part of the way from the upper lip's border to the lower one's at which an inner pair meets.
+/// The share of the way from the upper lip's border to the lower one's at which an inner pair
+/// meets.
 fn height_of_seam(landmarks: &[[f32; 3]; LANDMARKS], inner: usize) -> f32 {
     let (upper, lower) = INNER_LIPS[inner];
     let (border_above, border_below) = OUTER_LIPS[BORDER_OF_INNER[inner]];

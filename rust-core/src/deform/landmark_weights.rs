@@ -1,4 +1,4 @@
-//! Fixed weights over the landmarks: the deformer whose frames cost one small matrix product.
+//! The deformer with fixed weights over the landmarks. A frame costs one small matrix product.
 
 use faer::MatRef;
 use ndarray::{Array2, Array3, ArrayView3, Axis, Slice, s};
@@ -12,21 +12,22 @@ use crate::{
     nn::matrix,
 };
 
-/// Frames between two looks at the progress callback.
+/// Frames between two calls of the progress callback.
 const FRAMES_PER_REPORT: usize = 64;
-/// Vertices of one piece of parallel work.
+/// Vertices in one parallel task.
 const VERTICES_PER_TASK: usize = 512;
-/// Vertices of one step of a sum over all.
+/// Vertices in one step of a sum over all vertices.
 const VERTICES_PER_PRODUCT: usize = 4096;
 
 /// `ΔV = mix · ΔL + cross · motion · ΔL`, linear in the landmarks.
 ///
-/// `mix` moves a vertex along with landmarks. `cross` lets the axes of the motion mix, through `R` shared combinations
-/// of all landmark coordinates. A large mesh has weights for `N` rows only, and each vertex takes up the motion of a
-/// few rows: weights for each of two million vertices would be a gigabyte.
+/// `mix` moves a vertex along with landmarks. `cross` lets the axes of the motion mix, through `R`
+/// shared combinations of all landmark coordinates. A large mesh has weights for `N` rows only, and
+/// each vertex blends the motion of a few rows. Weights for each of two million vertices would take
+/// a gigabyte.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandmarkWeights {
-    /// `[N, 68]`, unitless; `N` is `V` where vertices follow nothing.
+    /// `[N, 68]`, unitless. `N` is `V` where vertices follow no rows.
     pub mix: Array2<f32>,
     /// `[N, 3 R]`, axis by axis.
     pub cross: Array2<f32>,
@@ -53,7 +54,7 @@ impl LandmarkWeights {
         self.rows_of(&all)
     }
 
-    /// Weights of these vertices, a row for each.
+    /// Weights of these vertices, one row for each.
     fn rows_of(&self, vertices: &[u32]) -> LandmarkWeights {
         let select = |of: &Array2<f32>| {
             let Some(follows) = &self.follows else {
@@ -75,7 +76,7 @@ impl LandmarkWeights {
         }
     }
 
-    /// Displacements of `frames` frames into `out` `[frames, V, 3]`.
+    /// Writes the displacements of all frames to `out` `[frames, V, 3]`.
     fn spread(&self, landmarks: &[f32], out: &mut [f32]) {
         let (vertices, rank, coordinates) = (self.vertices(), self.rank(), 3 * LANDMARKS);
         let frames = landmarks.len() / coordinates;
@@ -106,7 +107,7 @@ impl LandmarkWeights {
         }
     }
 
-    /// Displacements `[block, 3 frames]`, axis by axis, of the rows from `first` on.
+    /// Writes the displacements `[block, 3 frames]`, axis by axis, of the rows from `first` on.
     fn tile(&self, first: usize, by_axis: &[f32], shared: &[f32], tile: &mut [f32]) {
         let count = VERTICES_PER_TASK.min(self.mix.nrows() - first);
         let (rank, columns) = (self.rank(), by_axis.len() / LANDMARKS);
@@ -126,16 +127,16 @@ impl LandmarkWeights {
     }
 }
 
-/// Products with shapes: linear in the landmarks as the frames are.
+/// Products of frames with shapes. They are linear in the landmarks, as the frames are.
 struct LandmarkProducts {
     /// `[204, S]`, over landmark coordinates x0, y0, z0, x1, …
     products: Array2<f64>,
-    /// Moves the vertices that are shown.
+    /// Weights of the vertices whose displacements are returned too.
     shown: LandmarkWeights,
 }
 
 impl LandmarkProducts {
-    /// One pass over the vertices, some of them at a time.
+    /// Computes the products in one pass over the vertices, a block at a time.
     fn new(
         weights: &LandmarkWeights,
         shapes: ArrayView3<'_, f32>,
@@ -203,7 +204,8 @@ fn by_blocks(
     );
 }
 
-/// Turns `[block, 3 frames]` into one `[block, 3]` for each frame while it is in the cache.
+/// Transposes `[block, 3 frames]` into one `[block, 3]` for each frame while the tile is in the
+/// cache.
 fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
     let frames = out.len();
     for (t, frame) in out.iter_mut().enumerate() {
@@ -272,7 +274,7 @@ mod tests {
         Array2::from_shape_fn((rows, columns), |_| rng.random_range(-1.0..1.0))
     }
 
-    /// The formula, one number at a time.
+    /// Evaluates the formula one number at a time.
     fn slow(weights: &LandmarkWeights, landmarks: &Array3<f32>) -> Array3<f32> {
         let rank = weights.rank();
         Array3::from_shape_fn((landmarks.dim().0, weights.vertices(), 3), |(t, v, x)| {

@@ -1,11 +1,13 @@
-//! Landmark motion spread over a whole mesh.
+//! Spreads landmark motion over a whole mesh.
 //!
-//! [`Deformer`](crate::face::Deformer) is what every decoder offers. [`LandmarkWeights`] is the default one: fixed
-//! weights over the landmarks, shared by systems. They come from [`PlateWeights`] on the skin and from what
-//! everything else follows ([`binding`](crate::face::binding)); beside them [`StaticWeights`]
-//! are what is learned, [`Creases`] what another face shows between the landmarks. [`Corrected`] adds what
-//! is not linear: the jaw's rotation, lips that touch, lids that slide over their eyeballs. [`compression`]
-//! turns the result into a few basis shapes, [`projection`] finds other motion on them.
+//! Every decoder implements [`Deformer`](crate::face::Deformer). The default one is
+//! [`LandmarkWeights`]: fixed weights over the landmarks, shared by systems. On the skin they come
+//! from [`PlateWeights`], and everything else follows the skin, the jaw or the skull
+//! ([`binding`](crate::face::binding)). [`StaticWeights`] adds a learned part, and [`Creases`] adds
+//! the detail that another face shows between the landmarks. [`Corrected`] adds everything that is
+//! not linear: the jaw's rotation, lips that touch, lids that slide over their eyeballs.
+//! [`compression`] turns the result into a few basis shapes, and [`projection`] fits these shapes
+//! to other motion.
 
 pub mod compression;
 mod contact;

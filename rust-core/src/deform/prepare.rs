@@ -1,4 +1,4 @@
-//! Everything that spreads landmark motion over one face and does not depend on time.
+//! Prepares everything that spreads landmark motion over one face and does not depend on time.
 
 use ndarray::Array2;
 
@@ -16,7 +16,7 @@ use crate::{
     mesh::ibug::LANDMARKS,
 };
 
-/// Raised when the training-free weights change.
+/// Increased whenever the training-free weights change.
 const CACHE_VERSION: u32 = 2;
 const COORDINATES: usize = 3 * LANDMARKS;
 
@@ -37,10 +37,10 @@ pub static LEARNED: Control = Control {
 };
 
 /// The default deformer of a face: weights over the landmarks, fixed for its mesh, with the
-/// corrections of lips, lids and jaw. It takes and returns displacements in the mesh's own units and
-/// axes. Kept in `cache`.
+/// corrections of lips, lids and jaw. It takes and returns displacements in the mesh's own units
+/// and axes. The result is kept in `cache`.
 ///
-/// `learned`: strength of the learned part, 0 (training-free) to 1, 1 as shipped.
+/// `learned`: strength of the learned part, from 0 (training-free) to 1 (as shipped).
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face, `Numerics` if the solve fails, `Cancelled`.
@@ -74,16 +74,16 @@ pub fn static_deformer(
     cache.get_or_make(&key, decode, encode, solve)
 }
 
-/// A face with the training-free weights of its skin, from which decoders of landmark motion start.
+/// A face with the training-free weights of its skin. Decoders of landmark motion build on it.
 pub struct SolvedSkin<'a> {
     face: &'a Face,
-    /// The skin, and what every vertex follows.
+    /// The skin, and what each vertex follows.
     pub surface: &'a FaceSurface,
     plate: PlateWeights,
 }
 
 impl<'a> SolvedSkin<'a> {
-    /// Solves on the skin; the result is kept in `cache`.
+    /// Solves for the weights on the skin. The result is kept in `cache`.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Numerics` if the solve fails, `Cancelled`.
@@ -100,7 +100,7 @@ impl<'a> SolvedSkin<'a> {
         })
     }
 
-    /// The learned part of the weights on the skin, creases with it.
+    /// The learned part of the weights on the skin, including the creases.
     fn correction(&self, weights: &StaticWeights, creases: &Creases) -> Correction {
         let (positions, landmarks) = self.surface.decimetres();
         let triangles = &self.surface.skin.operators.triangles;
@@ -123,7 +123,7 @@ impl<'a> SolvedSkin<'a> {
         weights.familiarity(&self.surface.decimetres().1)
     }
 
-    /// `decoder` with what a frame of this face needs beyond it.
+    /// Combines `decoder` with the corrections that each frame of this face needs.
     pub fn corrected<D>(&self, decoder: D) -> Corrected<D> {
         Corrected {
             decoder,
@@ -131,7 +131,7 @@ impl<'a> SolvedSkin<'a> {
         }
     }
 
-    /// Weights of every vertex, the mesh's own axes. `strength`: of the learned part.
+    /// Weights of every vertex, in the mesh's own axes. `strength`: of the learned part.
     pub fn weights(&self, correction: Option<&Correction>, strength: f32) -> LandmarkWeights {
         let surface = self.surface;
         let count = surface.skin.operators.rows();
@@ -145,7 +145,7 @@ impl<'a> SolvedSkin<'a> {
     }
 }
 
-/// The plate's weights: from the cache, or solved and written to the cache.
+/// Reads the plate's weights from the cache, or solves for them and writes them to the cache.
 fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
     let operators = &skin.operators;
     let plate = Plate::default();
@@ -238,7 +238,7 @@ mod tests {
     };
     use ndarray::Array3;
 
-    /// The weights that the library carries.
+    /// The weights embedded in the library.
     fn built_in() -> StaticWeights {
         StaticWeights::open(None).unwrap()
     }

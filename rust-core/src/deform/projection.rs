@@ -1,4 +1,4 @@
-//! Other motion expressed in the shapes of a basis, by a part of the vertices where that is enough.
+//! Fits the shapes of a basis to other motion, using only some of the vertices where they suffice.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use ndarray::{Array2, Array3};
@@ -13,14 +13,14 @@ use crate::{
 /// weights.
 const RIDGE: f64 = 1e-9;
 
-/// Finds the weights with which a basis' shapes come nearest to a motion of some vertices; every
+/// Finds the weights that bring the shapes of a basis nearest to a motion of some vertices. Every
 /// vertex counts the same.
 pub struct Projection {
-    /// `[K, 3S]`, each of length 1.
+    /// `[K, 3S]`, each shape scaled to length 1.
     shapes: Array2<f32>,
-    /// `[K]`, the lengths that they had.
+    /// `[K]`, the lengths of the shapes before scaling.
     lengths: Vec<f32>,
-    /// `[K, K]`, the inverse of their products.
+    /// `[K, K]`, the inverse of the products of the shapes.
     inverse: Mat<f64>,
 }
 
@@ -62,7 +62,7 @@ impl Projection {
         self.shapes.nrows()
     }
 
-    /// The farthest that each shape at weight 1 moves one of the vertices, `[K]`.
+    /// `[K]`: the largest displacement of any of the vertices by each shape at weight 1.
     pub fn sizes(&self) -> Vec<f32> {
         let shapes = self.shapes.rows().into_iter().zip(&self.lengths);
         let size = |(shape, length): (ndarray::ArrayView1<'_, f32>, &f32)| {
@@ -90,10 +90,10 @@ impl Projection {
     }
 }
 
-/// About `count` vertices that tell the shapes of a basis apart, in rising order.
+/// Chooses about `count` vertices that tell the shapes of a basis apart. They are in rising order.
 ///
-/// Half of them lie where the shapes move, the other half all over the mesh. A mesh of at most `2 · count` vertices
-/// gives all of them.
+/// Half of them lie where the shapes move, the other half are spread over the whole mesh. If the
+/// mesh has at most `2 · count` vertices, all of them are chosen.
 pub fn choose_probes(basis: &VertexBasis, count: usize) -> Vec<u32> {
     let (shapes, vertices, _) = basis.shapes.dim();
     if vertices <= 2 * count || shapes == 0 {
@@ -123,7 +123,7 @@ pub fn choose_probes(basis: &VertexBasis, count: usize) -> Vec<u32> {
     movement.iter().enumerate().filter_map(passes).collect()
 }
 
-/// `lhs · rhsᵀ` of `[N, 3S]` and `[K, 3S]`, row blocks in parallel.
+/// `lhs · rhsᵀ` of `[N, 3S]` and `[K, 3S]`, with row blocks in parallel.
 fn products(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
     let (count, length) = rhs.dim();
     by_row_blocks(lhs.nrows(), count, |rows, out| {

@@ -1,4 +1,4 @@
-//! Weights of the rows on which a mesh is solved, and how vertices take them up.
+//! Weights of the rows on which a mesh is solved, and how they pass to its vertices.
 
 use ndarray::Array2;
 
@@ -10,10 +10,10 @@ use crate::{
 };
 
 const COORDINATES: usize = 3 * LANDMARKS;
-/// A mesh of more vertices than so many times the rows is moved through them.
+/// If a mesh has more than this many vertices for each row, its weights stay on the rows.
 const MANY: usize = 2;
 
-/// Everything that moves the rows of a skin, canonical frame.
+/// Everything that moves the rows of a skin, in the canonical frame.
 pub(super) struct RowWeights {
     /// `[R, 68]`.
     mix: Array2<f32>,
@@ -46,7 +46,7 @@ impl RowWeights {
         }
     }
 
-    /// Turns canonical weights into weights of the mesh's own axes: `C R` and `Rᵀ B`. Scale cancels.
+    /// Converts canonical weights to the mesh's own axes: `C R` and `Rᵀ B`. The scale cancels.
     pub(super) fn turn(&mut self, to_canonical: &Similarity) {
         let r = to_canonical.rotation.map(|row| row.map(|x| x as f32));
         let rank = self.motion.nrows();
@@ -68,8 +68,9 @@ impl RowWeights {
         }
     }
 
-    /// Weights of the vertices that follow these rows as `follows` says, `[V, R]`: their own where there are
-    /// few, and the rows' where there are many.
+    /// Passes the weights of the rows to the vertices that follow them. `follows`: `[V, R]`. On a
+    /// mesh with few vertices each gets weights of its own. On a mesh with many the weights stay on
+    /// the rows.
     pub(super) fn spread(self, follows: Prolongation) -> LandmarkWeights {
         let of_rows = LandmarkWeights {
             mix: self.mix,

@@ -4,11 +4,13 @@
 //!
 //! `ΔV = W ΔL + α f (A ΔL + B C ΔL)`
 //!
-//! `W` are the training-free weights of [`PlateWeights`]. `A` mixes landmarks as `W` does. `B` and `C` let axes mix: an
-//! opening jaw pushes the lip back. `f` is the familiarity. The network learned from two kinds of faces, and on other
-//! kinds it does harm. So `f` falls with the distance of the neutral landmarks from those of the faces that it learned.
-//! `A` and `B` come from a pointwise network on features that relate each vertex to the landmarks. The network runs on
-//! the mesh and on its mirror image, and the mean of both moves a symmetric face symmetrically.
+//! `W` are the training-free weights of [`PlateWeights`], and `α` is the strength of the learned
+//! part. `A` mixes landmarks as `W` does. `B` and `C` let the axes mix: for example, an opening jaw
+//! pushes the lip back. `f` is the familiarity. The network learned from two kinds of faces and
+//! does harm on other kinds. So `f` falls with the distance of the neutral landmarks from those of
+//! the learned faces. `A` and `B` come from a pointwise network on features that relate each vertex
+//! to the landmarks. The network runs on the mesh and on its mirror image, so that the mean of both
+//! moves a symmetric face symmetrically.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -25,21 +27,22 @@ use crate::{
     nn::{elementwise::silu_all, linear::Linear},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the network.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::STATIC_WEIGHTS);
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;
-/// Remoteness at which the correction has faded to nothing. Up to 1 less it is full.
+/// Remoteness at which the correction has faded to nothing. It is full up to a remoteness of 1
+/// less.
 const FADED_AT: f32 = 3.0;
-/// A face at most this far from those that were learned is fully familiar. 95 % of unseen identities and warps lie
-/// under 0.75.
+/// A face within this distance of the learned faces is fully familiar. 95 % of unseen identities
+/// and warps lie under 0.75.
 const KNOWN: f32 = 0.9;
-/// From this distance on only the floor is left. Faces of another kind lie at 1.45 and more.
+/// From this distance on, only the floor is left. Faces of another kind lie at 1.45 and more.
 const UNKNOWN: f32 = 1.3;
-/// How far a landmark may lie beside its place, standard deviation, decimetres.
+/// Standard deviation of a landmark's error, decimetres.
 const SHAPE_NOISE_DM: f32 = 0.007;
-/// Position, offset from and distance to each landmark, plate weights, nearness.
+/// Position, offset from and distance to each landmark, plate weights, nearness to the landmarks.
 const FEATURES: usize = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1;
 const COORDINATES: usize = 3 * LANDMARKS;
 
@@ -48,13 +51,13 @@ const COORDINATES: usize = 3 * LANDMARKS;
 pub struct StaticConfig {
     /// Hidden channels.
     pub width: usize,
-    /// `R`, rank of the part in which axes mix.
+    /// `R`, the rank of the part in which the axes mix.
     pub rank: usize,
-    /// Number of kinds of faces learned.
+    /// Number of kinds of faces that the network learned.
     pub kinds: usize,
-    /// Principal axes of the landmarks of each kind.
+    /// Number of principal axes of the landmarks of each kind.
     pub shape_modes: usize,
-    /// What is left of the correction on a face of another kind.
+    /// Share of the correction that is left on a face of another kind.
     pub floor: f32,
 }
 
@@ -70,17 +73,17 @@ pub struct StaticWeights {
     feature_scale: Vec<f32>,
     /// `[kinds, 204]`, mean landmarks of each kind.
     shape_mean: Array2<f32>,
-    /// Of each kind `[shape_modes, 204]`: principal axes, shortened by the noise.
+    /// For each kind `[shape_modes, 204]`: principal axes, shortened to allow for the noise.
     shape_basis: Vec<Array2<f32>>,
 }
 
-/// What the network gets of the vertices, `R'` rows of a surface.
+/// The network's input for the vertices, which are `R'` rows of a surface.
 pub struct VertexGeometry<'a> {
     /// `[R']`, decimetres.
     pub positions: &'a [[f32; 3]],
     /// The landmarks of the neutral face, decimetres.
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
-    /// Of the same rows.
+    /// The training-free weights of the same rows.
     pub plate: &'a PlateWeights,
 }
 
@@ -88,10 +91,10 @@ pub struct VertexGeometry<'a> {
 pub struct Correction {
     /// `A`: `[R', 68]`.
     pub mix: Array2<f32>,
-    /// `B`: `[R', 3 · 2R]`, axis by axis. First the combinations of the face, then those of its mirror image, then
-    /// those that [`Self::beside`] added.
+    /// `B`: `[R', 3 · 2R]`, axis by axis. The combinations of the face come first, then those of
+    /// its mirror image, then those that [`Self::beside`] added.
     pub cross: Array2<f32>,
-    /// `C`: `[2R, 204]`, with the rows that [`Self::beside`] added.
+    /// `C`: `[2R, 204]`, plus the rows that [`Self::beside`] added.
     pub motion: Array2<f32>,
 }
 
@@ -121,7 +124,7 @@ impl Correction {
 }
 
 impl StaticWeights {
-    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    /// Loads the bytes of `model.safetensors` and the text of `config.json`.
     ///
     /// # Errors
     /// `Weights` if either is damaged or they do not fit each other.
@@ -131,7 +134,7 @@ impl StaticWeights {
         Self::new(config, &Weights::from_bytes(weights)?)
     }
 
-    /// The built-in weights, or those of `folder`.
+    /// Opens the built-in weights, or those of `folder`.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`] and [`Self::load`].
@@ -140,7 +143,7 @@ impl StaticWeights {
         Self::load(&files.weights, &files.config)
     }
 
-    /// From weights already read.
+    /// Builds the network from weights already read.
     ///
     /// # Errors
     /// `Weights` if one is missing or has another shape.
@@ -170,14 +173,14 @@ impl StaticWeights {
         })
     }
 
-    /// `f`, from the config's floor to 1: by which share the correction counts.
+    /// `f`, from the config's floor to 1: the share of the correction that applies.
     ///
     /// `landmarks`: of the neutral face, decimetres.
     pub fn familiarity(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
         self.config.floor + (1.0 - self.config.floor) * self.known(landmarks)
     }
 
-    /// How far a face is one of a kind that was learned, 0 to 1.
+    /// How well a face fits one of the learned kinds, 0 to 1.
     ///
     /// `landmarks`: of the neutral face, decimetres.
     pub fn known(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
@@ -185,14 +188,15 @@ impl StaticWeights {
         ((UNKNOWN - strangeness) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)
     }
 
-    /// The kind of faces, of those learned, that is nearest.
+    /// The learned kind of face that is nearest to this one.
     ///
     /// `landmarks`: of the neutral face, decimetres.
     pub fn kind(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> usize {
         self.nearest_kind(landmarks).0
     }
 
-    /// The nearest kind and the Mahalanobis distance from it, about 0.5 for a face of its own.
+    /// The nearest kind and the Mahalanobis distance from it, which is about 0.5 for a face of that
+    /// kind.
     fn nearest_kind(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> (usize, f32) {
         let kinds = self.shape_mean.rows().into_iter().zip(&self.shape_basis);
         let squared = kinds.map(|(mean, basis)| {
@@ -206,7 +210,7 @@ impl StaticWeights {
         (kind, (squared / COORDINATES as f32).sqrt())
     }
 
-    /// `A`, `B` and `C` at full strength, mean of the mesh and its mirror image.
+    /// `A`, `B` and `C` at full strength, as the mean of the mesh and its mirror image.
     pub fn correction(&self, geometry: &VertexGeometry<'_>) -> Correction {
         let rank = self.config.rank;
         let (plain_mix, plain_cross) = self.one_sided(geometry, false);
@@ -234,7 +238,7 @@ impl StaticWeights {
         }
     }
 
-    /// `C`, and below it `C` of the reflected motion.
+    /// `C`, and below it the `C` of the reflected motion.
     fn both_motions(&self) -> Array2<f32> {
         let rank = self.config.rank;
         Array2::from_shape_fn((2 * rank, COORDINATES), |(r, c)| {
@@ -247,7 +251,7 @@ impl StaticWeights {
         })
     }
 
-    /// The network on one side: `A` `[R', 68]` and `B` `[R', 3 R]`.
+    /// Runs the network on one side. Returns `A` `[R', 68]` and `B` `[R', 3 R]`.
     fn one_sided(
         &self,
         geometry: &VertexGeometry<'_>,
@@ -289,13 +293,13 @@ impl StaticWeights {
     }
 }
 
-/// `[_, 204]`.
+/// Reshapes values to `[_, 204]`.
 fn rows(values: Vec<f32>) -> Array2<f32> {
     Array2::from_shape_vec((values.len() / COORDINATES, COORDINATES), values)
         .expect("the weights' shape was checked")
 }
 
-/// Position, offsets and distances.
+/// Writes the position, the offsets and the distances into a row of features.
 fn relate(row: &mut ArrayViewMut1<'_, f32>, position: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]) {
     for axis in 0..3 {
         row[axis] = position[axis];

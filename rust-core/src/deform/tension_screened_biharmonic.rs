@@ -1,14 +1,14 @@
 //! Training-free weights from 68 landmarks to every vertex: a thin plate under tension.
 //!
-//! Twin of `training/deform/tension_screened_biharmonic.py`. Per landmark `j` the weight field `w`
-//! minimises bending, tension, and, far from every landmark, its own size:
+//! Twin of `training/deform/tension_screened_biharmonic.py`. For each landmark `j`, the weight
+//! field `w` minimises bending, tension and, far from every landmark, its own size:
 //!
 //! `(L M⁻¹ L + τ L + S M + C) w = C e_j`
 //!
-//! with `L` the robust Laplacian, `M` the lumped mass, `S` the screening and `C` a stiff spring at
-//! each landmark's row. Without tension the plate overshoots between the lips and on the cheeks;
-//! without the screen the back of the head follows the jaw and errors double. One sparse Cholesky
-//! factorisation serves all landmarks.
+//! `L` is the robust Laplacian, `M` the lumped mass, `S` the screening, and `C` a stiff spring at
+//! each landmark's row. Without tension the plate overshoots between the lips and on the cheeks.
+//! Without the screening the back of the head follows the jaw, and errors double. One sparse
+//! Cholesky factorisation serves all landmarks.
 
 use std::ops::Range;
 
@@ -19,9 +19,9 @@ use crate::{
     operators::{Csr, Operators, SparseCholesky, edge_distance},
 };
 
-/// Landmark numbers of one kind, and how far along the surface they carry, in centimetres:
-/// contour, brows, nose, eyes, lips. A lid stops at the skull that holds the eye, while the lining
-/// of the mouth follows the lips a long way in.
+/// Landmark numbers of each kind, and how far along the surface they carry motion, in centimetres:
+/// contour, brows, nose, eyes, lips. The reach of a lid ends at the skull that holds the eye, while
+/// the lining of the mouth follows the lips a long way in.
 pub const REACHES_CM: [(Range<usize>, f64); 5] = [
     (0..17, 1.0),
     (17..27, 2.0),
@@ -35,9 +35,9 @@ pub const REACHES_CM: [(Range<usize>, f64); 5] = [
 pub struct Plate {
     /// `τ`, 1/cm².
     pub tension: f64,
-    /// `S` from twice the reach of the nearest landmark on, 1/cm⁴.
+    /// `S` at twice the reach of the nearest landmark and beyond, 1/cm⁴.
     pub screen: f64,
-    /// `C` at a landmark, unitless: keeps each landmark to a few micrometres.
+    /// `C` at a landmark, unitless. It holds each landmark to a few micrometres.
     pub spring: f64,
 }
 
@@ -56,15 +56,15 @@ impl Default for Plate {
 pub struct PlateWeights {
     /// `[R, 68]`, row-major, unitless.
     pub weights: Vec<f32>,
-    /// `[R]`, least ratio of distance to reach over the kinds of landmarks; infinite where no way
-    /// along the surface leads to one.
+    /// `[R]`, the least ratio of distance to reach over the kinds of landmarks. Infinite where no
+    /// path along the surface leads to a landmark.
     pub remoteness: Vec<f64>,
 }
 
 impl PlateWeights {
     /// Solves for all landmarks. `operators`: of a surface in canonical centimetres, `R` rows.
-    /// `landmark_rows`: the row of each landmark; several may share one, which then follows their
-    /// mean.
+    /// `landmark_rows`: the row of each landmark. If several landmarks share a row, it follows
+    /// their mean.
     ///
     /// # Errors
     /// `Numerics` if the factorisation fails.
@@ -96,7 +96,7 @@ impl PlateWeights {
     }
 }
 
-/// Multiplies the weights of each eye's landmarks with their share.
+/// Multiplies the weights of each eye's landmarks by the share to which a row follows the lids.
 fn end_lids(weights: &mut [f32], operators: &Operators, landmark_rows: &[u32; LANDMARKS]) {
     for eye in EYES {
         let corners: [[f64; 3]; 6] = std::array::from_fn(|i| {
@@ -111,7 +111,7 @@ fn end_lids(weights: &mut [f32], operators: &Operators, landmark_rows: &[u32; LA
     }
 }
 
-/// Least ratio of surface distance to reach. Returns `[R]`.
+/// The least ratio of surface distance to reach. Returns `[R]`.
 fn remoteness(operators: &Operators, landmark_rows: &[u32; LANDMARKS]) -> Vec<f64> {
     let mut least = vec![f64::INFINITY; operators.rows()];
     for (kind, reach) in REACHES_CM {
@@ -123,7 +123,7 @@ fn remoteness(operators: &Operators, landmark_rows: &[u32; LANDMARKS]) -> Vec<f6
     least
 }
 
-/// The matrix on the left side.
+/// Builds the matrix on the left side of the equation.
 fn system(
     operators: &Operators,
     landmark_rows: &[u32; LANDMARKS],

@@ -1,31 +1,33 @@
-//! Skin about the eyes that would turn over goes with the skin beside it.
+//! Keeps the skin around the eyes from turning inside out.
 //!
-//! Lids, brows and cheeks each keep to their own landmarks. Where two of them press on few triangles, triangles turn
-//! over and the skin shows folds. This module looks for such triangles in every frame and evens out the displacements
-//! of their corners.
+//! Lids, brows and cheeks each follow their own landmarks. Where two of them squeeze a few
+//! triangles, these turn over and the skin shows folds. This module looks for such triangles in
+//! every frame and evens out the displacements of their corners.
 //!
-//! Once: all triangles of the skin within reach of the lids' landmarks give vertices and neighbours. Of these triangles
-//! only those are watched that one sees from the front and that lean to the front. Rims of lids roll, and the linings
-//! behind them fold, as they should.
+//! Once: all skin triangles near the lids' landmarks provide vertices and neighbours. Of these
+//! triangles, the module watches only those that are visible from the front and face forward. Rims
+//! of lids roll, and the linings behind them fold, as they should.
 //!
 //! In each frame, up to [`ROUNDS`] times ([`Untangle::apply`]):
-//! 1. For each watched triangle, the cosine between its normal and its normal at rest says how far it has turned. Its
-//!    corners give way by a share that grows from 0 to 1 between the two cosines of [`TURN`].
-//! 2. Every vertex that gives way goes [`RATE`] times its share of the way to the mean displacement of its
-//!    neighbours. All vertices use the displacements from before the round, so that their order does not matter.
-//! 3. The rounds end as soon as no triangle has turned so far.
+//! 1. For each watched triangle, the cosine between its normal and its normal at rest tells how far
+//!    it has turned. Its corners give way by a share that grows from 0 to 1 between the two cosines
+//!    of [`TURN`].
+//! 2. Every vertex that gives way moves towards the mean displacement of its neighbours, by
+//!    [`RATE`] times its share. All vertices use the displacements from before the round, so that
+//!    their order does not matter.
+//! 3. The rounds end as soon as no triangle has turned past the first of these cosines.
 //!
-//! A frame without folds, as nearly all are, costs one pass over the watched triangles without roots or divisions. A
-//! frame with folds costs up to [`ROUNDS`] passes.
+//! Nearly all frames have no folds. Such a frame costs one pass over the watched triangles, without
+//! roots or divisions. A frame with folds costs up to [`ROUNDS`] passes.
 //!
-//! Not obvious: displacements are evened out, not places, so that the sculpted shape of the lids stays. Each triangle
-//! is compared with itself at rest, so the order of its corners does not matter. The share begins at 0, so what is
-//! done to a triangle begins without a jump in time. The edges of the lids never give way, because `eyelids` has just
-//! put them where they meet.
+//! Not obvious: the module evens out displacements and not positions, so that the sculpted shape of
+//! the lids stays. Each triangle is compared with itself at rest, so the order of its corners does
+//! not matter. The share begins at 0, so a correction never begins with a jump in time. The edges
+//! of the lids never give way, because `eyelids` has just put them where they meet.
 //!
-//! What can go wrong: a fold may be left after the last round, for example between two edges that stay. The frame then
-//! keeps it. A triangle that collapses to a line has no normal. It counts as turned by a right angle and
-//! gives way by half.
+//! What can go wrong: a fold may remain after the last round, for example between two edges that
+//! never give way. The frame then keeps it. A triangle that collapses to a line has no normal. It
+//! counts as turned by a right angle and gives way by half.
 //!
 //! Lengths are canonical centimetres.
 
@@ -37,37 +39,42 @@ use crate::{
     mesh::{FrontView, ibug::LIDS},
 };
 
-/// Triangles whose centres lie within this distance of a landmark of a lid, in widths of the eyes.
+/// Triangles count as near if their centres lie within this distance of a landmark of a lid, in
+/// widths of the eyes.
 const NEAR: f32 = 1.2;
-/// Those whose normals lean to the front by less are rims of lids, which roll.
+/// Triangles whose normals face forward by less than this belong to the rims of the lids, which may
+/// roll.
 const LEAST_FRONT: f32 = 0.25;
-/// Those behind others by more are linings, told by a picture of so many columns.
+/// A triangle this far behind another one, seen from the front, is an inner lining.
 const BEFORE_CM: f32 = 0.05;
+/// Columns of the depth image that finds linings.
 const CELLS: f32 = 700.0;
-/// Cosine of a turn from which on a triangle gives way, and does so fully.
+/// Cosines of the turn at which a triangle begins to give way, and at which it gives way fully.
 const TURN: (f32, f32) = (0.1, -0.1);
-/// How often each vertex goes this share of the way to the mean of its neighbours.
+/// The most rounds in a frame.
 const ROUNDS: usize = 16;
+/// Share of the way to the mean of its neighbours that a vertex goes at most in one round.
 const RATE: f32 = 0.7;
 
-/// Watched skin of one mesh.
+/// The watched skin of one mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Untangle {
-    /// Vertices of the mesh, and for each their neighbours among them.
+    /// Vertices of the mesh, and the neighbours of each among them.
     vertices: Vec<u32>,
     neighbours: Vec<Vec<u32>>,
-    /// Whether a vertex is the edge of a lid.
+    /// Whether a vertex lies on the edge of a lid.
     is_edge: Vec<bool>,
-    /// At rest, mesh units.
+    /// Rest positions, mesh units.
     places: Vec<[f32; 3]>,
-    /// Numbers among the vertices, with twice the area at rest as a vector.
+    /// Corners as indices into `vertices`, and twice the area at rest as a vector.
     triangles: Vec<([u32; 3], [f32; 3])>,
-    /// Vertices of the mesh in the same place as one of these, with its number.
+    /// Vertices of the mesh that share a position with one of these, and the index of that one.
     copies: Vec<(u32, u32)>,
 }
 
 impl Untangle {
-    /// Of the skin about the eyes. `positions`: of the mesh, `[V]`; `edges`: vertices that stay where lids put them.
+    /// Prepares the skin around the eyes. `positions`: of the mesh, `[V]`. `edges`: vertices that
+    /// stay where the lids put them.
     pub(super) fn new(surface: &FaceSurface, positions: &[[f32; 3]], edges: &[u32]) -> Untangle {
         let (at, marks) = (&surface.positions, &surface.landmarks);
         let apart = |a: usize, b: usize| Vec3::from(marks[a]).distance(marks[b].into());
@@ -117,13 +124,13 @@ impl Untangle {
         }
     }
 
-    /// Vertices of the mesh that it reads or moves.
+    /// Vertices of the mesh that this skin reads or moves.
     pub(super) fn vertices(&self) -> impl Iterator<Item = u32> {
         let copies = self.copies.iter().map(|(vertex, _)| *vertex);
         self.vertices.iter().copied().chain(copies)
     }
 
-    /// The same skin for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
+    /// The same skin on a reduced mesh. `new` gives the new number of a vertex that is left; every
     /// vertex of this skin must have one.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Untangle {
         let mut skin = self.clone();
@@ -166,7 +173,8 @@ impl Untangle {
         }
     }
 
-    /// Writes into `gives` the share by which each vertex gives way. Returns whether any does.
+    /// Writes into `gives` the share by which each vertex gives way. Returns whether any triangle
+    /// has turned too far.
     fn look(&self, moved: &[Vec3], gives: &mut [f32]) -> bool {
         gives.fill(0.0);
         let places: Vec<Vec3> = self
@@ -182,8 +190,8 @@ impl Untangle {
             let [a, b, c] = *t;
             let now = area([places[a as usize], places[b as usize], places[c as usize]]);
             let along = now.dot(rest);
-            // Nearly all triangles have turned by less; they need neither root nor division. Fourth powers of lengths
-            // would leave single precision on meshes in tiny or huge units.
+            // Nearly all triangles have turned by less and need neither root nor division. Fourth
+            // powers of lengths would leave single precision on meshes in tiny or huge units.
             let squares = f64::from(now.length_squared()) * f64::from(rest.length_squared());
             if along > 0.0 && f64::from(along).powi(2) > f64::from(begins).powi(2) * squares {
                 continue;
@@ -200,7 +208,7 @@ impl Untangle {
     }
 }
 
-/// For each of `count` vertices those that share a triangle with it, rising.
+/// For each of `count` vertices, the vertices that share a triangle with it, in rising order.
 fn neighbours(triangles: impl Iterator<Item = [u32; 3]>, count: usize) -> Vec<Vec<u32>> {
     let mut neighbours = vec![Vec::new(); count];
     for t in triangles {
@@ -216,7 +224,8 @@ fn neighbours(triangles: impl Iterator<Item = [u32; 3]>, count: usize) -> Vec<Ve
     neighbours
 }
 
-/// What is seen of triangles at rest, within `reach` of the lids: a single one may be as large as a house.
+/// Depth image of the triangles at rest, seen from the front. It covers only `reach` around the
+/// lids, because a single triangle may be as large as a house.
 fn front_view(triangles: &[[u32; 3]], surface: &FaceSurface, reach: f32) -> FrontView {
     let mut bounds = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for mark in &surface.landmarks[LIDS] {
@@ -233,7 +242,7 @@ fn front_view(triangles: &[[u32; 3]], surface: &FaceSurface, reach: f32) -> Fron
     view
 }
 
-/// Twice the area, along the normal.
+/// The normal, as long as twice the area.
 #[inline]
 fn area([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
@@ -255,7 +264,7 @@ mod tests {
                 triangles: vec![([0, 1, 2], area(places.map(Vec3::from)).into())],
                 copies: Vec::new(),
             };
-            // The third corner goes round the edge of the other two.
+            // The third corner turns about the edge between the other two.
             for (angle, share) in [(0.0f32, 0.0), (90.0, 0.5), (180.0, 1.0)] {
                 let (sine, cosine) = angle.to_radians().sin_cos();
                 let corner = Vec3::new(0.0, side * (cosine - 1.0), side * sine);

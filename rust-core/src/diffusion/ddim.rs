@@ -9,23 +9,25 @@ use crate::{
     job::{ProgressFn, report},
 };
 
-/// Which of the training steps a shorter walk visits, Lin et al. 2024, table 2.
+/// The training steps that a shorter walk visits, Lin et al. 2024, table 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spacing {
-    /// Multiples of a whole stride from 0; the last training step is not visited.
+    /// Multiples of a whole stride, from 0. The walk leaves out the last training step, unless it
+    /// visits every step.
     Leading,
-    /// Down from the last training step.
+    /// Steps down from the last training step.
     Trailing,
 }
 
 /// A walk from noise to a sample, Song et al. 2021, eq. 12 with σ = 0.
 ///
 /// Differs from `diffusers`: a step leads to the next step of the walk, not to `t − T/N`. Both are
-/// the same when `N` divides `T`; otherwise theirs leaves gaps in trailing spacing.
+/// the same when `N` divides `T`. Otherwise the steps of `diffusers` leave gaps in trailing
+/// spacing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ddim {
-    /// Steps of the walk, largest first, with `ᾱ` of each and of where it leads.
+    /// Steps of the walk, largest first, with `ᾱ` of each step and of the step that it leads to.
     walk: Vec<Step>,
 }
 
@@ -74,8 +76,8 @@ impl Ddim {
 
     /// Walks from noise `x`, `[T, C]`, to a sample of the same shape.
     ///
-    /// `predict` gets the noisy sample and the training step and returns the clean sample, `[T, C]`.
-    /// Progress goes from `done.0` to `done.1` of the stage "motion".
+    /// `predict` gets the noisy sample and the training step, and returns the clean sample,
+    /// `[T, C]`. Progress of the stage "motion" goes from `done.0` to `done.1`.
     ///
     /// # Errors
     /// `Cancelled`; those of `predict`; `ShapeMismatch` if it returns another shape.
@@ -115,7 +117,7 @@ impl Step {
     }
 }
 
-/// The steps that a walk visits, largest first; as `DDIMScheduler.set_timesteps` of `diffusers`.
+/// The steps that a walk visits, largest first, as in `DDIMScheduler.set_timesteps` of `diffusers`.
 fn timesteps(train_steps: usize, spacing: Spacing, steps: usize) -> Vec<usize> {
     match spacing {
         Spacing::Leading => (0..steps)

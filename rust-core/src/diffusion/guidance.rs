@@ -1,4 +1,5 @@
-//! Classifier-free guidance, Ho & Salimans 2021, and a second condition that acts where a mask says.
+//! Classifier-free guidance, Ho & Salimans 2021, and a second condition that acts only where a mask
+//! allows it.
 
 use ndarray::{Array2, ArrayRef2, Zip};
 
@@ -15,8 +16,8 @@ pub fn guided(
 
 /// `base + βZ ⊙ (G_ACF − other)`, Cafe-Talk eq. 6, in place; `mask` is βZ, `[T, C]`.
 ///
-/// `other` is `G_∅` as printed, or `G_AC`, so that the speech does not count `α + β` times in a
-/// slot.
+/// `other` is `G_∅`, as the paper prints it, or `G_AC`. With `G_AC` the speech does not count
+/// `α + β` times in a slot.
 ///
 /// # Panics
 /// If the shapes differ.

@@ -1,7 +1,7 @@
-//! Diffusion sampling that knows no network.
+//! Diffusion sampling that does not depend on any network.
 //!
-//! [`Ddim`] takes a function from noisy sample and step to a prediction of the clean sample and
-//! walks from noise to a sample. Guidance wraps that function.
+//! [`Ddim`] walks from noise to a sample. It takes a function that predicts the clean sample from a
+//! noisy sample and a step. Guidance wraps that function.
 
 mod ddim;
 mod guidance;

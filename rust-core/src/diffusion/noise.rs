@@ -8,9 +8,9 @@ use rand_chacha::{
 
 /// Standard normal noise `[T, C]` for the frames `first_frame..first_frame + frames`.
 ///
-/// Each frame has its own ChaCha stream, so a frame's noise depends on `seed` and its number alone:
-/// windows that overlap start from the same noise where they overlap. Box–Muller in `+ − × ÷ √`
-/// only, which IEEE 754 rounds alike everywhere; the system's `ln` and `cos` are not so exact.
+/// Each frame has its own ChaCha stream, so its noise depends only on `seed` and its number:
+/// windows that overlap start from the same noise in the overlap. Box–Muller uses `+ − × ÷ √` only,
+/// which IEEE 754 rounds alike everywhere. The system's `ln` and `cos` are not so exact.
 pub fn frame_noise(seed: u64, first_frame: usize, frames: usize, channels: usize) -> Array2<f32> {
     let mut noise = Array2::zeros((frames, channels));
     for (index, mut row) in noise.rows_mut().into_iter().enumerate() {
@@ -25,12 +25,12 @@ pub fn frame_noise(seed: u64, first_frame: usize, frames: usize, channels: usize
     noise
 }
 
-/// Standard normal noise `[T, C]` whose frames resemble their neighbours: [`frame_noise`] smoothed over `sigma_frames`
-/// (standard deviation), with the variance that it had. It depends on seed and number of the frame alone, as that does;
-/// 0 smooths nothing.
+/// Standard normal noise `[T, C]` whose frames resemble their neighbours: [`frame_noise`] smoothed
+/// over `sigma_frames` (standard deviation) and scaled back to its variance. Like [`frame_noise`],
+/// it depends only on the seed and the number of the frame. A `sigma_frames` of 0 smooths nothing.
 ///
-/// White noise makes a network tremble: takes of different seeds then differ from frame to frame and not in how
-/// something is said.
+/// White noise makes a network tremble: takes with different seeds then differ from frame to frame,
+/// but not in how something is said.
 pub fn slow_noise(
     seed: u64,
     first_frame: usize,
@@ -161,6 +161,6 @@ mod tests {
         assert_eq!(bits, KNOWN, "{noise}");
     }
 
-    /// Written by this code on x86-64; another platform must agree.
+    /// Output of this code on x86-64. Another platform must agree.
     const KNOWN: [u32; 4] = [3209653765, 1043623141, 1061767946, 1050666351];
 }

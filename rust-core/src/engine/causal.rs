@@ -1,4 +1,4 @@
-//! Motion while somebody is speaking, and the same of a whole sound.
+//! Motion in real time while somebody speaks, and the same motion for a whole recording.
 
 use std::sync::Arc;
 
@@ -47,11 +47,11 @@ impl Engine {
         )
     }
 
-    /// What [`Engine::stream`] makes of a whole sound that moves the face all along ([`MotionStream::hear_all`]); at the
-    /// stream's own rate bit for bit the same.
+    /// The motion that [`Engine::stream`] makes of a whole sound, where every sound moves the face
+    /// ([`MotionStream::hear_all`]). At the stream's own rate it is the same bit for bit.
     ///
-    /// Other frame rates are interpolated. Causal motion has one style and no noise, and nothing
-    /// that needs the whole sound is added to it: no blinks, no accents, no other controls.
+    /// Other frame rates are interpolated. Causal motion has one style and no noise. Nothing that
+    /// needs the whole sound is added to it: no blinks, no accents, no other controls.
     ///
     /// # Errors
     /// `Audio` for samples that are not finite, `InvalidInput` for a request out of range or one
@@ -65,7 +65,7 @@ impl Engine {
         check_fps(request.fps)?;
         self.check_causal(request)?;
         let mut stream = self.stream()?;
-        // Who chooses a recording wants to see all of it.
+        // Someone who chooses a recording wants all of its sound to move the face.
         stream.hear_all();
         let samples = &waveform.samples;
         let clip = stream_whole(stream.as_mut(), samples, &request.emotion, progress)?;

@@ -1,4 +1,4 @@
-//! What of the events of a performance cannot be seen, in words.
+//! Says in words which parts of a performance's events cannot be seen.
 
 use super::{Engine, Performance};
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
 };
 
 impl Performance {
-    /// What of its events cannot be seen; see [`Engine::unseen_events`].
+    /// Says which parts of its events cannot be seen; see [`Engine::unseen_events`].
     ///
     /// # Errors
     /// Those of [`Engine::rig`].
@@ -25,9 +25,9 @@ impl Performance {
 }
 
 impl Engine {
-    /// Sentences about what of the events nobody will see. One for every event behind the end of the sound at `end_s`,
-    /// and one for every unit that this face cannot show, because it has no brows, lips that are one surface or no such
-    /// eye.
+    /// Sentences about the parts of the events that nobody will see. There is one for every event
+    /// after the end of the sound at `end_s`, and one for every unit that this face cannot show,
+    /// because it has no brows, its lips are one surface or it lacks that eye.
     ///
     /// # Errors
     /// Those of [`Engine::rig`].
@@ -55,7 +55,7 @@ impl Engine {
     }
 }
 
-/// Names of those units of an event whose shapes all move nothing.
+/// Names of an event's units whose shapes all move nothing.
 fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = String> + 'a {
     let is_hidden = |unit: &ActionUnit, side: Side| {
         let shows_unit = |report: &&ShapeReport| unit.shows(side, &report.name);

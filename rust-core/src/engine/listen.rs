@@ -1,4 +1,4 @@
-//! Hears what is said when.
+//! Finds out what is said in a sound, and when.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
 };
 
 impl Engine {
-    /// Hears where the lips are together in speech, for p, b, m and their kin.
+    /// Finds the times at which the lips are together in speech, for p, b, m and similar sounds.
     ///
     /// # Errors
     /// `Audio` for a sound too short to use.
@@ -20,8 +20,9 @@ impl Engine {
         self.threads(|| Ok(closures_of(&self.hear(waveform, SILENT)?)))
     }
 
-    /// [`Engine::listen`] with a tier of phones and, for a `text`, a tier of its words. Only the tier of closures says
-    /// when lips close; it is that of [`Engine::listen`].
+    /// Like [`Engine::listen`], with an added tier of phones and, if there is a `text`, a tier of
+    /// its words. Only the tier of closures says when the lips close. It is the same as the one
+    /// from [`Engine::listen`].
     ///
     /// # Errors
     /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
@@ -42,7 +43,7 @@ impl Engine {
         })
     }
 
-    /// Listens to a sound, and prepares the models that hear phones and emotions in it.
+    /// Analyses a sound, and attaches the models that find phones and emotions in it.
     pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
         let mut heard = Heard::of(waveform, self.encoder.get()?, progress)?;
         heard.phones = Some(Arc::clone(self.phone_model.get()?));

@@ -1,4 +1,4 @@
-//! The whole way as one object: weights loaded once, shared by any number of jobs.
+//! The whole pipeline as one object. It loads the weights once, and any number of jobs share them.
 
 mod causal;
 mod events;
@@ -42,7 +42,7 @@ pub use sliders::SliderChange;
 pub use stretches::Part;
 
 const MAX_THREADS: usize = 256;
-/// The control by which a system chooses a decoder of its own instead of the first.
+/// The control by which a system replaces the first decoder, which all systems share, with its own.
 const DECODER: &str = "decoder";
 
 /// How an [`Engine`] is set up.
@@ -56,12 +56,13 @@ pub struct EngineOptions {
     pub cache: CachePolicy,
     /// Number of worker threads; `None` takes one per core.
     pub threads: Option<usize>,
-    /// A folder of a HuBERT or wav2vec2 checkpoint as Hugging Face has it, which replaces the compact
-    /// speech encoder; the system's weights must have been trained with it. A folder `hubert` or
-    /// `wav2vec2` among the models is found where their config names it.
+    /// A folder with a HuBERT or wav2vec2 checkpoint in the layout of Hugging Face. It replaces the
+    /// compact speech encoder, so the system's weights must have been trained with it. Without this
+    /// option, a system whose config names `hubert` or `wav2vec2` takes the folder of that name
+    /// among the models.
     pub speech: Option<PathBuf>,
-    /// A Hugging Face folder whose model hears emotions instead of the built-in ear where the emotion is that of the voice:
-    /// Whisper base or a classifier; see [`speech::UserEar`].
+    /// A Hugging Face folder with a model that replaces the built-in ear wherever the emotion is
+    /// taken from the voice: Whisper base or a classifier; see [`speech::UserEar`].
     pub emotion_model: Option<PathBuf>,
 }
 
@@ -78,10 +79,12 @@ impl Default for EngineOptions {
     }
 }
 
-/// Loaded weights and settings; `Send + Sync`, any number of jobs may run on one engine at once.
+/// Loaded weights and settings. An engine is `Send + Sync`, and any number of jobs may run on it at
+/// once.
 ///
-/// Sound becomes motion ([`Engine::perform`]), a mesh becomes a face ([`Engine::prepare`]), and motion
-/// is spread over the face into a sink ([`Engine::spread`]); [`Engine::animate`] is all of it.
+/// [`Engine::perform`] turns sound into motion, [`Engine::prepare`] turns a mesh into a face, and
+/// [`Engine::spread`] spreads the motion over the face into a sink. [`Engine::animate`] does all of
+/// it.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform};
@@ -105,26 +108,26 @@ pub struct Engine {
     static_weights: StaticWeights,
     creases: Creases,
     finder: LandmarkFinder,
-    /// How lids go with eyes that look up and down.
+    /// Moves the lids when the eyes look up or down.
     face_modes: FaceModes,
     /// Hears emotions in a voice.
     ear: Opened<Arc<EmotionEar>>,
-    /// A model of the user that hears emotions instead.
+    /// The user's own model, which hears emotions instead of `ear`.
     user_ear: Option<UserEar>,
-    /// Loaded where shapes are asked for.
+    /// Loaded when shapes are first needed.
     rig_model: OnceLock<RigModel>,
     /// Hears phones, which say when lips touch.
     phone_model: Opened<Arc<PhoneModel>>,
     model_folder: Option<PathBuf>,
     cache: Cache,
-    /// Names the models in the cache entries of a mesh.
+    /// Identifies the models in the cache entries of a mesh.
     key_of_models: CacheKey,
     pool: Option<rayon::ThreadPool>,
-    /// The process that made the engine: threads do not live on in a copy of it.
+    /// The process that made the engine. A forked copy of it does not have its threads.
     process: u32,
 }
 
-/// The process that made the first engine, and with it the threads that all share.
+/// The process that made the first engine, and so started the threads that all engines share.
 static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
 
 impl EngineOptions {
@@ -153,7 +156,8 @@ impl Engine {
         options.check()?;
         let folders = [&options.models, &options.speech, &options.emotion_model];
         match folders.iter().any(|folder| folder.is_some()) {
-            // Nobody checked files of others before: their sizes may lead to anything, a panic too.
+            // Nobody has checked files from elsewhere. Their sizes may cause anything, even a
+            // panic.
             true => guarded(Error::Weights, || Self::load(options)),
             false => Self::load(options),
         }
@@ -198,23 +202,25 @@ impl Engine {
         })
     }
 
-    /// What the registry says of the system that performs here.
+    /// The registry's entry for the system that performs here.
     pub fn system(&self) -> &'static Registration {
         self.registration
     }
 
-    /// What is known of the loaded models of the system.
+    /// A description of the system's loaded models.
     pub fn description(&self) -> Description<'_> {
         self.system.description()
     }
 
-    /// What motion on a mesh of so many `vertices` takes of memory, of which so many `frames` are kept at once, where so
-    /// many seconds of sound are performed at once ([`Engine::longest_stretch_s`]).
+    /// Estimates the memory that motion on a mesh needs. The mesh has `vertices`, `frames` are kept
+    /// at once, and `sound_s` seconds of sound are performed at once
+    /// ([`Engine::longest_stretch_s`]).
     pub fn memory_need(&self, vertices: usize, frames: usize, sound_s: f64) -> MemoryNeed {
         let (shapes, copies) = match self.registration.motion {
             MotionKind::Landmarks => (0, 1),
             MotionKind::Weights => (rig::SHAPES, 1),
-            // What the landmarks of the codes and their field make of the frames stands beside them.
+            // Besides the frames, memory holds what the codes' landmarks and the field contribute
+            // to them.
             MotionKind::Codes => (0, 3),
         };
         MemoryNeed {
@@ -225,11 +231,12 @@ impl Engine {
         }
     }
 
-    /// Finds or takes the landmarks of a mesh, without what moving it needs.
+    /// Finds the landmarks of a mesh, or takes them from `options`. Prepares nothing that only
+    /// motion needs.
     ///
     /// # Errors
-    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`; `OutOfMemory` for a mesh whose
-    /// work does not fit into what the system has left, before it is done.
+    /// `FaceNotFound`, `Mesh`, `InvalidInput` for impossible landmarks, `Cancelled`; `OutOfMemory`,
+    /// before any work begins, if the work on the mesh surely does not fit into the free memory.
     pub fn find(
         &self,
         mesh: &Mesh,
@@ -249,8 +256,8 @@ impl Engine {
         })
     }
 
-    /// [`Engine::find`], and everything that spreading landmark motion needs and that does not depend
-    /// on time.
+    /// Does [`Engine::find`], and makes everything else that spreading landmark motion needs and
+    /// that does not depend on time.
     ///
     /// # Errors
     /// Those of [`Engine::find`].
@@ -265,7 +272,7 @@ impl Engine {
         Ok(face)
     }
 
-    /// What spreads landmark motion over a face, mesh units and axes; made once for each face.
+    /// The deformer of a face, in mesh units and axes. It is made once for each face.
     fn deformer<'a>(
         &self,
         face: &'a Face,
@@ -295,7 +302,8 @@ impl Engine {
     ///
     /// # Errors
     /// `Weights` or `Io` if the engine's folder of models holds a rig that cannot be used, `Mesh`,
-    /// `Cancelled`; `InvalidInput` where shapes are to come from a head and none is like the face.
+    /// `Cancelled`; `InvalidInput` if the shapes should come from the parametric head and no
+    /// head fits the face.
     pub fn rig(
         &self,
         face: &Face,
@@ -372,11 +380,12 @@ impl Engine {
 
     /// Puts motion on a face and hands the frames to `sink`, block by block.
     ///
-    /// What the face lacks for this kind of motion is made first and stays with it.
+    /// If the face still lacks something that this kind of motion needs, it is made first and kept
+    /// with the face.
     ///
     /// # Errors
-    /// `ShapeMismatch` for a mixture of motions of other lengths or shares of another mesh; those of the sink;
-    /// `Cancelled`.
+    /// `ShapeMismatch` for a mixture of motions whose lengths differ, or with shares for another
+    /// mesh; the errors of the sink; `Cancelled`.
     pub fn spread<'a>(
         &self,
         face: &Face,
@@ -391,7 +400,8 @@ impl Engine {
         })
     }
 
-    /// [`Engine::spread`] of a part of a longer movement into a sink that has begun: hands over its frames alone.
+    /// Like [`Engine::spread`], for one part of a longer movement. The sink has already begun, and
+    /// receives only the frames of this part.
     ///
     /// # Errors
     /// Those of [`Engine::spread`].
@@ -409,7 +419,7 @@ impl Engine {
         })
     }
 
-    /// A movement on its way to a face.
+    /// Prepares a movement for a face.
     fn on_its_way<'a>(
         &self,
         face: &'a Face,
@@ -465,8 +475,9 @@ impl Engine {
         }
     }
 
-    /// The motion with which the system follows landmarks of the mean face, metres, from any source. `controls`: of the
-    /// face. A system without a model for this returns the landmarks themselves.
+    /// The motion with which the system follows landmarks of the mean face, metres, from any
+    /// source. `controls`: those of the face. A system without a model for this returns the
+    /// landmarks themselves.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -479,8 +490,9 @@ impl Engine {
         self.threads(|| self.system.follow(landmarks, controls, progress))
     }
 
-    /// The surface of the parametric head that fits a face, at the place of the face, for poses by codes. Where no head
-    /// fits, the surface of the mean head and the reason. `cells`: along the longest side of the grid.
+    /// The surface of the parametric head fitted to a face, placed where the face is, for poses
+    /// given by codes. If no head fits, returns the surface of the mean head and the reason.
+    /// `cells`: number of cells along the longest side of the grid.
     ///
     /// # Errors
     /// Those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no usable face.
@@ -510,13 +522,14 @@ impl Engine {
         })
     }
 
-    /// The landmark motion of a face that weights of ARKit's shapes describe, `[T, 68, 3]`, mesh units and axes.
+    /// The landmark motion `[T, 68, 3]` that weights of ARKit's shapes give a face, mesh units and
+    /// axes.
     fn landmarks_of_weights(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
         let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
         Ok(face.motion_on_mesh(landmarks.displacements.view()))
     }
 
-    /// The landmarks of the mean face under motion of any kind; see [`Motion::on_mean_face`].
+    /// The landmarks of the mean face for motion of any kind; see [`Motion::on_mean_face`].
     ///
     /// # Errors
     /// Those of [`Motion::on_mean_face`].
@@ -524,8 +537,9 @@ impl Engine {
         motion.on_mean_face(&self.face_modes)
     }
 
-    /// By which share each vertex attends to each landmark, `[T, V, 68]`, for landmark motion `[T, 68, 3]` in
-    /// the mesh's own units and axes. FreeTalk's figure 7 shows a landmark's column.
+    /// The share by which each vertex attends to each landmark, `[T, V, 68]`, for landmark motion
+    /// `[T, 68, 3]` in the mesh's own units and axes. Figure 7 of the FreeTalk paper shows the
+    /// column of one landmark.
     ///
     /// # Errors
     /// `InvalidInput` for a face whose decoder has no attention, otherwise those of [`Engine::spread`].
@@ -573,8 +587,8 @@ impl Engine {
     /// [`crate::deform::compression::compress`] and [`rig::solve`], then use no more threads than the engine.
     ///
     /// # Errors
-    /// `InvalidInput` in a copy of the process that made the engine, where nobody would do the work;
-    /// otherwise those of `work`.
+    /// `InvalidInput` in a forked copy of the process that made the engine, because the copy has no
+    /// threads to do the work; otherwise those of `work`.
     pub fn threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let here = process_here();
         if here != self.process {
@@ -591,7 +605,7 @@ impl Engine {
     }
 }
 
-/// A cache key that names the code and the models on which work for a mesh depends.
+/// A cache key that identifies the code and the models on which the work for a mesh depends.
 fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     let mut key = CacheKey::new("prepared", 1).text(env!("ANYFACE_SOURCES"));
     let of_meshes = [
@@ -606,7 +620,7 @@ fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     Ok(key)
 }
 
-/// Number of this process; a browser has one, without a number.
+/// The ID of this process. In a browser there is only one, without an ID, so this returns 0.
 fn process_here() -> u32 {
     match cfg!(target_family = "wasm") {
         true => 0,
@@ -614,9 +628,10 @@ fn process_here() -> u32 {
     }
 }
 
-/// A pool of `threads` threads. `None`: the engine uses the threads that the process shares.
+/// A pool of `threads` threads, or `None` if the engine uses the threads that the process shares.
 ///
-/// A copy of the process (`fork`) has lost the shared threads. An engine that is made in a copy always gets a pool.
+/// A forked copy of the process has lost the shared threads, so an engine made in a copy always
+/// gets a pool.
 fn private_pool(threads: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
     let here = process_here();
     let is_copy = *FIRST_PROCESS.get_or_init(|| here) != here;

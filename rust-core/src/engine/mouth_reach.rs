@@ -1,4 +1,5 @@
-//! What a mouth cannot show of speech, in words: measured on the moved mesh, whatever its parts are called.
+//! Says in words what a mouth cannot show of speech. It measures the moved mesh, so the names of
+//! the parts do not matter.
 
 use ndarray::{Array3, ArrayView2, Axis, s};
 
@@ -19,40 +20,44 @@ const OUTER: [std::ops::Range<usize>; 2] = [49..54, 55..60];
 
 /// The jaw is open by this share of [`MouthTrial::jaw_drop`] before a contact: 8 mm.
 const OPEN_BEFORE: f32 = 0.4;
-/// A contact in the middle of so many frames.
+/// Frames of the trial motion. The contact is in the middle.
 const FRAMES: usize = 15;
 const FPS: f64 = 25.0;
 
-/// Lips that part by less than this share of what the landmarks do show no open vowel.
+/// If the lips part by less than this share of what the landmarks do, they show no open vowel.
 const LEAST_PARTED: f32 = 0.5;
-/// Lips farther apart than this in p, b, m look open, metres on a human head. The default head's meet within 0.5 mm.
+/// Lips farther apart than this in p, b, m look open, metres on a human head. The lips of the
+/// default head meet within 0.5 mm.
 const MOST_APART_M: f32 = 2.5e-3;
-/// A lower lip farther from the upper teeth than this in f and v does not look as if it touched them, metres on a human
-/// head.
+/// A lower lip farther from the upper teeth than this in f and v does not seem to touch them,
+/// metres on a human head.
 const MOST_FROM_TEETH_M: f32 = 6e-3;
-/// A lip is hidden where something lies before most of its landmarks by more than this, metres on a human head.
+/// A lip is hidden if something lies in front of most of its landmarks by more than this, metres on
+/// a human head.
 const BEFORE_M: f32 = 6e-3;
-/// Side of a cell of the front view, metres, and how far it reaches beyond the mouth.
+/// Side of a cell of the front view, metres.
 const CELL_M: f32 = 5e-4;
+/// How far the front view extends beyond the mouth, metres.
 const BEYOND_M: f32 = 0.02;
 
-/// How far the lips of a face get in speech. Lengths are metres on a human head.
+/// How far the lips of a face can move in speech. Lengths are metres on a human head.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MouthReach {
     /// How far the lips part when the jaw drops, as a share of what the landmarks do.
     pub parted: f32,
-    /// Between the lips in p, b, m.
+    /// Distance between the lips in p, b, m.
     pub apart_m: f32,
-    /// From the lower lip to the upper teeth in f and v; where there are none, to the upper lip.
+    /// Distance from the lower lip to the upper teeth in f and v, or to the upper lip if there are
+    /// no teeth.
     pub from_teeth_m: f32,
-    /// Whether there is something that may be upper teeth.
+    /// Whether the mouth contains something that may be upper teeth.
     pub has_teeth: bool,
-    /// Whether something lies before the upper and before the lower lip.
+    /// Whether something hides the upper lip, and the lower lip, from the front.
     pub hidden: [bool; 2],
 }
 
 impl MouthReach {
-    /// What cannot be shown, a sentence each; none for a mouth that shows all.
+    /// One sentence for each thing that the mouth cannot show. Empty if it shows everything.
     pub fn sentences(&self) -> Vec<String> {
         let mm = |metres: f32| 1000.0 * metres;
         let mut sentences = Vec::new();
@@ -94,10 +99,11 @@ impl MouthReach {
 }
 
 impl Engine {
-    /// How far the lips of a face get: the jaw drops, the lips close from an open mouth, the lower lip goes to the teeth.
-    /// `None` for lips that are one surface, of which [`Mouth::sentence`] tells.
+    /// Measures how far the lips of a face can move: the jaw drops, the lips close from an open
+    /// mouth, and the lower lip goes to the teeth. `None` if the lips are one surface;
+    /// [`Mouth::sentence`] describes that case.
     ///
-    /// Lengths on a face that is not human are those of a human head of its size.
+    /// On a face that is not human, lengths are scaled to a human head.
     ///
     /// # Errors
     /// Those of [`Engine::prepare`].
@@ -141,8 +147,9 @@ impl Engine {
     }
 }
 
-/// Canonical motion of the landmarks `[68, 3]`, metres: the jaw dropped, and from a mouth that is open the lips together
-/// and the lower lip at the teeth, as every system makes contacts.
+/// Three canonical motions of the landmarks `[68, 3]`, metres: the jaw dropped and, from an open
+/// mouth, the lips together and the lower lip at the teeth. The contacts are made as in every
+/// system.
 fn poses(modes: &FaceModes) -> Result<[ndarray::Array2<f32>; 3]> {
     let drop = MouthTrial::jaw_drop().index_axis_move(Axis(0), 0);
     let open = OPEN_BEFORE * &drop;
@@ -170,7 +177,7 @@ fn poses(modes: &FaceModes) -> Result<[ndarray::Array2<f32>; 3]> {
     Ok([drop, closed, at_teeth])
 }
 
-/// Where a landmark is in a frame `[V, 3]`, canonical metres.
+/// The position of a landmark in a frame `[V, 3]`, canonical metres.
 fn mark(face: &Face, frame: ArrayView2<'_, f32>, n: usize) -> [f32; 3] {
     let moved = frame.row(face.landmarks.vertices[n] as usize);
     let place = face.landmarks.positions[n];
@@ -178,7 +185,8 @@ fn mark(face: &Face, frame: ArrayView2<'_, f32>, n: usize) -> [f32; 3] {
         .apply(std::array::from_fn(|i| place[i] + moved[i]))
 }
 
-/// From the lower lip to the nearest thing in the mouth that follows the skull, or to the upper lip where there is none.
+/// The distance from the lower lip to the nearest vertex in the mouth that follows the skull, and
+/// whether there is such a vertex. If there is none, the distance is to the upper lip.
 fn from_teeth(face: &Face, frame: ArrayView2<'_, f32>) -> (f32, bool) {
     let place = |v: usize| {
         let (p, d) = (face.mesh.positions[v], frame.row(v));
@@ -203,7 +211,7 @@ fn from_teeth(face: &Face, frame: ArrayView2<'_, f32>) -> (f32, bool) {
     (median(nearest), has_teeth)
 }
 
-/// Whether something lies before most of the upper and of the lower lip at rest.
+/// Whether something lies in front of most of the upper lip, and of the lower lip, at rest.
 fn hidden(face: &Face) -> [bool; 2] {
     let places: Vec<[f32; 3]> = face
         .mesh

@@ -1,4 +1,4 @@
-//! Eyes that are one surface with their lids, cut free, and shut once to see that they shut well.
+//! Cuts free eyes that are one surface with their lids, and shuts them once to check the result.
 
 use ndarray::Axis;
 
@@ -11,11 +11,12 @@ use crate::{
 };
 
 impl Engine {
-    /// Cuts free the eyes of a face that are one surface with their lids, gives the lids a lining and the eyes balls. The
-    /// result blinks once: its lids have to shut over the whole eye, and no skin may turn over.
+    /// Cuts free the eyes of a face if they are one surface with their lids. The lids get a lining
+    /// and the eyes get balls. The result then blinks once as a trial: the lids have to cover the
+    /// whole eye, and the skin must not turn over.
     ///
     /// # Errors
-    /// Those of [`open_eyes`] and [`Engine::prepare`]; `Mesh` where the trial fails.
+    /// Those of [`open_eyes`] and [`Engine::prepare`]; `Mesh` if the trial fails.
     pub fn open_eyes(&self, face: &Face, progress: ProgressFn<'_>) -> Result<OpenedFace> {
         let opened = open_eyes(face)?;
         for trial in self.eye_trials(face, &opened, progress)? {
@@ -24,10 +25,11 @@ impl Engine {
         Ok(opened)
     }
 
-    /// Makes the eyes that were cut free blink, and measures what they do. `face`: the face before the cut.
+    /// Makes the eyes that were cut free blink, and measures the result. `face`: the face before
+    /// the cut.
     ///
     /// # Errors
-    /// Those of [`Engine::prepare`]; `Mesh` where lids still do not close.
+    /// Those of [`Engine::prepare`]; `Mesh` if the lids of an eye still do not close.
     pub fn eye_trials(
         &self,
         face: &Face,

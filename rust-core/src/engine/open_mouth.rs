@@ -1,4 +1,4 @@
-//! Lips that are one surface, parted, and opened once to see that they part well.
+//! Parts lips that are one surface, and opens them once to check the result.
 
 use crate::{
     Engine, Result,
@@ -9,18 +9,20 @@ use crate::{
 };
 
 impl Engine {
-    /// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. The jaw of
-    /// the result is dropped by 20 mm once: the rims have to part as the landmarks say, alike on both sides.
+    /// Parts the lips of a face along the valley between them, and sews the inside of a mouth
+    /// behind them. As a trial, the jaw of the result then drops once by 20 mm: the rims have to
+    /// part as far as the landmarks say, equally on both sides.
     ///
     /// # Errors
-    /// Those of [`open_mouth`] and [`Engine::prepare`]; `Mesh` where the trial fails.
+    /// Those of [`open_mouth`] and [`Engine::prepare`]; `Mesh` if the trial fails.
     pub fn open_mouth(&self, face: &Face, progress: ProgressFn<'_>) -> Result<OpenedFace> {
         let opened = open_mouth(&face.mesh, &face.landmarks)?;
         self.mouth_trial(face, &opened, progress)?.check()?;
         Ok(opened)
     }
 
-    /// What the rims of an opened mouth do when its jaw drops by 20 mm. `face`: before it was opened.
+    /// Measures how the rims of an opened mouth move when the jaw drops by 20 mm. `face`: the face
+    /// before the mouth was opened.
     ///
     /// # Errors
     /// Those of [`Engine::prepare`].

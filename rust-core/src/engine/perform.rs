@@ -1,4 +1,4 @@
-//! Sound to motion, and the same performance again with other controls.
+//! Turns sound into motion, and repeats a performance with other controls.
 
 use std::{borrow::Cow, ops::Range, sync::Arc};
 
@@ -24,28 +24,29 @@ use crate::{
     systems::{Ability, Sampled},
 };
 
-/// Pieces into which the way of a control is cut that changes over time: what controls do to motion is
-/// close to linear in their value.
+/// The range of a control that changes over time is divided into this many pieces. The effect of a
+/// control on motion is close to linear in its value.
 const PIECES: usize = 2;
-/// A control whose largest and least value lie nearer together does not change.
+/// A control counts as constant if its largest and smallest value differ by less than this.
 const STILL: f64 = 1e-6;
 
 const ARTICULATION: &str = "articulation";
-/// Controls of what lives beside the face.
+/// Controls of the motion beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
 const TONGUE: &str = "tongue";
 const BREATH: &str = "breath";
-/// The control by which a system that hears emotion is told where from, and its values for the voice and for the emotion
-/// that is asked for.
+/// The control that sets the source of the emotion, in a system that hears emotion. Its values
+/// select the voice and the emotion of the request.
 const EMOTION_FROM: &str = "emotion_from";
 const FROM_VOICE: f32 = 0.0;
 const FROM_EMOTION: f32 = 1.0;
-/// The control by which a system that hears emotion shows one of its layers, and its value for what is said alone.
+/// The control that selects a layer, in a system that hears emotion. Its value selects speech
+/// alone.
 const LAYER: &str = "layer";
 const CONTENT: f32 = 1.0;
 
-/// Motion with head, gaze and tongue, and all that is needed to perform it in another way.
+/// Motion with head, gaze and tongue, and everything needed to perform it again in another way.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT};
@@ -64,30 +65,32 @@ const CONTENT: f32 = 1.0;
 pub struct Performance {
     /// The motion.
     pub motion: Motion,
-    /// Head, eyes and tongue beside it, as many frames.
+    /// Head, eyes and tongue, with as many frames as the motion.
     pub life: Life,
-    /// As the system made it, before any control.
+    /// The motion as the system made it, before any control is applied.
     pub(super) sampled: Sampled,
     pub(super) heard: Arc<Heard>,
-    /// What was asked, with the emotion that was heard.
+    /// The request. If it asks for the emotion of the voice, that emotion is filled in.
     pub(super) request: MotionRequest,
 }
 
 impl Performance {
-    /// What the lips were asked for; see [`MotionRequest::articulation`].
+    /// The strength of articulation in the request; see [`MotionRequest::articulation`].
     pub fn articulation(&self) -> f32 {
         self.request.articulation()
     }
 
-    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where the motion does not
-    /// depend on it.
+    /// How likely each emotion is in the voice over time, as the built-in ear or the user's Whisper
+    /// hears it. `None` if a classifier replaces the ear, or if the motion did not need the
+    /// built-in ear.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
         self.heard.heard_before()
     }
 
-    /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
-    /// heard or sampled again. The speaker's neutral voice, style, frame rate and whatever else the system samples with
-    /// stay, among that the emotion where the models have learned it ([`crate::systems::Description::emotion`]).
+    /// Performs the same speech with other controls, another emotion, or another seed of blinks and
+    /// accents. Nothing is heard or sampled again. Everything that the system samples with stays
+    /// the same: the speaker's neutral voice, the style, the frame rate, and also the emotion if
+    /// the models have learned it ([`crate::systems::Description::emotion`]).
     ///
     /// # Errors
     /// `InvalidInput` for a request out of range.
@@ -98,11 +101,11 @@ impl Performance {
         engine.threads(|| engine.finished(sampled, heard, request))
     }
 
-    /// What is said alone, without what is felt: the layer beside which the rest of the performance is the emotion.
-    /// Nothing is heard again.
+    /// Performs only the speech, without emotion. The rest of the performance, beside this layer,
+    /// is the emotion. The sound is not analysed again.
     ///
     /// # Errors
-    /// `InvalidInput` for a system that does not tell them apart; `Cancelled`.
+    /// `InvalidInput` for a system that does not separate emotion from speech; `Cancelled`.
     pub fn content(&self, engine: &Engine, progress: ProgressFn<'_>) -> Result<Performance> {
         engine.registration.require(Ability::Emotion, "layers")?;
         let request = MotionRequest {
@@ -115,12 +118,12 @@ impl Performance {
         })
     }
 
-    /// How far emotion is believed beside what is said in some frames, for each vertex of a face, `[V, t]` from 0 to 1:
-    /// `w` of EmoFace's Mesh Attention.
+    /// How much emotion counts compared with speech in some frames, for each vertex of a face,
+    /// `[V, t]` from 0 to 1. This is `w` of EmoFace's Mesh Attention.
     ///
     /// # Errors
-    /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
-    /// the landmarks of the face lie on no usable face.
+    /// `InvalidInput` for a system that does not separate emotion from speech, or for frames that
+    /// the performance lacks; `Mesh` if the landmarks of the face lie on no usable face.
     pub fn emotion_mask(
         &self,
         engine: &Engine,
@@ -146,7 +149,8 @@ impl Performance {
         })
     }
 
-    /// Motion, head, eyes and tongue with `stretch` of them as in `again`; see [`Motion::redone`].
+    /// This performance's motion, head, eyes and tongue, with `stretch` taken from `again`; see
+    /// [`Motion::redone`].
     ///
     /// # Errors
     /// Those of [`Motion::redone`].
@@ -166,13 +170,16 @@ impl<'a> From<&'a Performance> for Movement<'a> {
 }
 
 impl Engine {
-    /// Speech to motion.
+    /// Turns speech into motion.
     ///
-    /// The motion has one frame for every started `1 / fps` seconds of sound, at least one.
+    /// The motion has one frame for every `1 / fps` seconds of sound or part thereof, and at least
+    /// one.
     ///
     /// # Errors
-    /// `Audio` for a sound too short to use or a neutral voice without a voice, `InvalidInput` for a request out of range
-    /// or a neutral voice beside another's model of emotions, `Numerics` where the weights of a model lead to numbers that are none, `Cancelled`.
+    /// `Audio` for a sound too short to use or a neutral voice in which no voice is heard,
+    /// `InvalidInput` for a request out of range or a neutral voice together with the user's
+    /// classifier of emotions, `Numerics` if the weights of a model give values that are not
+    /// finite, `Cancelled`.
     pub fn perform(
         &self,
         waveform: &Waveform,
@@ -205,7 +212,7 @@ impl Engine {
         })
     }
 
-    /// How the speaker sounds while he feels nothing, where the request says so.
+    /// The speaker's voice without emotion, if the request has a neutral voice.
     fn neutral_voice(
         &self,
         request: &MotionRequest,
@@ -250,8 +257,9 @@ impl Engine {
         request.controls.check(known, ControlStage::Motion)
     }
 
-    /// The request with the emotion that the voice has, if it asks for that one. A system that hears emotion shows an
-    /// emotion that the request names, unless the request has another recording to hear the emotion in.
+    /// Fills in the emotion of the voice if the request asks for it. If the request names an
+    /// emotion, a system that hears emotion shows the named one, unless the request has another
+    /// recording to hear the emotion in.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
             EmotionCurve::Auto => heard.emotion_curve(),
@@ -294,8 +302,8 @@ impl Engine {
         })
     }
 
-    /// Head, eyes and tongue beside `motion`; head and eyes, which `emotion` carries, are still where only speech is asked
-    /// for.
+    /// Head, eyes and tongue for `motion`. Head and eyes follow `emotion`, and stay still if the
+    /// request asks for speech alone.
     fn life(
         &self,
         motion: &Motion,
@@ -309,7 +317,8 @@ impl Engine {
         }
     }
 
-    /// What the tongue does, `[T, 4]`, 0 to 1: what is heard, as strong as it and all articulation are asked to be.
+    /// The motion of the tongue, `[T, 4]`, 0 to 1: what was heard, scaled by the controls of the
+    /// tongue and of articulation.
     fn tongue(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Array2<f32> {
         let (frames, fps) = (motion.frames(), motion.fps());
         let articulates = self.knows(ARTICULATION);
@@ -354,7 +363,7 @@ impl Engine {
         Life::of_speech(&heard.prosody, affect.view(), request.seed, fps, &strengths)
     }
 
-    /// What a control is asked to be at a time; 0 where the system has no such control.
+    /// The value of a control at a time; 0 if the system has no such control.
     fn control_at(&self, request: &MotionRequest, name: &str, time_s: f64) -> f64 {
         match request.controls.animated(name) {
             Some(curve) => curve.at(time_s),
@@ -367,15 +376,15 @@ impl Engine {
         known.any(|control| control.name == name)
     }
 
-    /// What a control is asked to be; 0 where the system has no such control.
+    /// The value of a control; 0 if the system has no such control.
     pub(super) fn control(&self, request: &MotionRequest, name: &str) -> f32 {
         let mut known = self.registration.controls();
         let control = known.find(|control| control.name == name);
         control.map_or(0.0, |control| control.value(&request.controls))
     }
 
-    /// Puts the controls of `request` on what was sampled, those that change over time frame by frame; lids
-    /// follow the gaze.
+    /// Applies the controls of `request` to the sampled motion, frame by frame if they change over
+    /// time. The lids follow the gaze.
     pub(super) fn controlled(
         &self,
         sampled: &Motion,
@@ -416,7 +425,8 @@ impl Engine {
         }
         let fps = moved.fps();
         if let (Some(pose), Some(clip)) = (&request.starts_from, moved.landmarks_mut()) {
-            // Last, so that nothing that is put on a performance takes it away from the pose.
+            // This comes last, so that nothing else moves the start of the performance away from
+            // the pose.
             begin_in(&pose.landmarks, clip.displacements.view_mut(), fps);
             begin_tongue_in(&pose.tongue, life.tongue.view_mut(), fps);
         }
@@ -424,7 +434,8 @@ impl Engine {
     }
 }
 
-/// A share of the way to contact under a strength: that much of it up to 1, beyond it nearer and nearer to contact.
+/// Scales a share of the way to contact by a strength. Up to 1, the result is proportional to the
+/// strength. Beyond 1, it comes ever closer to contact.
 fn strengthened(share: f32, strength: f32) -> f32 {
     match strength > 1.0 {
         true => 1.0 - (1.0 - share).powf(strength),
@@ -432,8 +443,9 @@ fn strengthened(share: f32, strength: f32) -> f32 {
     }
 }
 
-/// `moved`, and what one control changes of `base` where it follows its curve. Between its least and
-/// its largest value lie [`PIECES`]; each frame mixes the motions at the ends of its own piece.
+/// Adds to `moved` what one control changes in `base` as it follows its curve. The range from its
+/// smallest to its largest value is divided into [`PIECES`]. Each frame mixes the motions at the
+/// ends of its own piece.
 fn along(
     base: &Motion,
     moved: &Motion,

@@ -1,8 +1,9 @@
-//! What a finished take may still change without a new run.
+//! What can still change in a finished take without a new run.
 //!
-//! A slider at 1 shows the take itself. For every other knot the engine makes a variation from the same speech features
-//! and noise. What the variation changes on the mesh, by landmarks or by weights of shapes, is expressed in the shapes
-//! of the take. Between its knots a slider is linear.
+//! A slider at 1 shows the take itself. For every other knot, the engine makes a variation from the
+//! same speech features and noise. It then expresses what the variation changes on the mesh,
+//! through landmarks or weights of shapes, in the shapes of the take. Between its knots a slider is
+//! linear.
 
 use std::collections::BTreeSet;
 
@@ -29,22 +30,26 @@ const STAGE: &str = "sliders";
 /// Controls that sliders scale.
 const ARTICULATION: &str = "articulation";
 const BLINKS: &str = "blinks_per_minute";
-/// How far beyond the take a slider goes.
+/// The largest position of the articulation slider.
 const MOST: f32 = 2.0;
+/// The largest position of the emotion slider.
 const MOST_EMOTION: f32 = 1.5;
-/// Beside a jaw that articulation opens, a tongue answers to it by its square, up to teeth.
+/// Further knots of the articulation slider for a tongue that speaks. Articulation also opens the
+/// jaw, so the tongue answers with the square of articulation, until it meets teeth.
 const BETWEEN_TONGUE: [f32; 3] = [0.5, 1.2, 1.5];
-/// Faces answer to half an emotion by more than half.
+/// The middle knot of the emotion slider. At half an emotion, faces move by more than half.
 const MIDDLE_EMOTION: f32 = 0.5;
-/// The largest value of the controls that are scaled.
+/// The largest value to which a control is scaled.
 const MAX_CONTROL: f32 = 2.0;
-/// Frames whose vertices are in memory at one time, and the vertices that are compared in each.
+/// Frames whose vertices are in memory at one time.
 const FRAMES_AT_ONCE: usize = 64;
+/// About this many vertices are compared in each frame.
 const PROBES: usize = 3000;
-/// Shapes that a knot may move where the frame of the take leaves them at 0: those that matter most. More would cost
-/// the host time, which it spends on every shape that moves in a frame.
+/// A knot may move this many shapes that the take leaves at 0 in a frame: those that move the face
+/// most. More would cost the host time, because it spends time on every shape that moves in a
+/// frame.
 const MOVED_BESIDE: usize = 4;
-/// A tongue that speaks has shapes of its own: so many more.
+/// This many more if the tongue speaks, because it has shapes of its own.
 const MOVED_BY_TONGUE: usize = 2;
 
 /// What a slider adds to the weights of a take.
@@ -52,14 +57,15 @@ const MOVED_BY_TONGUE: usize = 2;
 pub struct SliderChange {
     /// Which slider.
     pub slider: Slider,
-    /// Rising, never 1, where nothing is added.
+    /// Positions in ascending order. 1 is never among them, because nothing is added there.
     pub knots: Vec<f32>,
-    /// `[T, K]` for each knot.
+    /// What each knot adds to the weights, `[T, K]`.
     pub changes: Vec<Array2<f32>>,
 }
 
 impl SliderChange {
-    /// `[T, K]` at `position`: linear between the knots and 1, held beyond them.
+    /// What the slider adds at `position`, `[T, K]`: linear between the knots and 1, constant
+    /// beyond the outermost.
     pub fn at(&self, position: f32) -> Array2<f32> {
         let mut out = Array2::zeros(self.changes[0].dim());
         let above = self.knots.partition_point(|knot| *knot < 1.0);
@@ -86,7 +92,8 @@ impl SliderChange {
 }
 
 impl Performance {
-    /// Where variations of a slider are made, rising, without 1; none where it has nothing to scale.
+    /// The positions of a slider at which variations are made, in ascending order, without 1. Empty
+    /// if the slider has nothing to scale.
     pub fn knots(&self, engine: &Engine, slider: Slider) -> Vec<f32> {
         let controls = &self.request.controls;
         if controls.change_over_time() || !engine.registration.sliders.contains(&slider) {
@@ -118,7 +125,8 @@ impl Performance {
             .collect()
     }
 
-    /// Motion, head, eyes and tongue of the performance with one slider at `position`; blinks are there or, at 0, not.
+    /// Motion, head, eyes and tongue of the performance with one slider at `position`. A
+    /// slider of blinks removes them at 0 and leaves them unchanged at any other position.
     ///
     /// # Errors
     /// Those of [`Engine::perform`].
@@ -157,10 +165,10 @@ impl Performance {
         })
     }
 
-    /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are
+    /// What each slider changes in the weights of a take's shapes. Sliders that move nothing are
     /// left out.
     ///
-    /// `clip` is this performance on `face`, `basis` the same clip as few shapes.
+    /// `clip` is this performance on `face`; `basis` is the same clip expressed in a few shapes.
     ///
     /// # Errors
     /// `InvalidInput` if clip and basis do not belong to the performance; `Cancelled`.
@@ -225,7 +233,8 @@ impl Performance {
     }
 }
 
-/// Puts those of [`BETWEEN_TONGUE`] that lie within rising `knots` among them.
+/// Adds the knots of [`BETWEEN_TONGUE`] that lie between the first and the last of `knots`, in
+/// ascending order.
 fn add_between(knots: &mut Vec<f32>) {
     if let (Some(&first), Some(&last)) = (knots.first(), knots.last()) {
         let between = BETWEEN_TONGUE
@@ -240,19 +249,20 @@ fn add_between(knots: &mut Vec<f32>) {
 struct Way<'a> {
     face: &'a Face,
     engine: &'a Engine,
-    /// Of the whole face.
+    /// Moves the whole face.
     deformer: &'a dyn Deformer,
-    /// Of these vertices alone, where the face's offers that.
+    /// Moves only `vertices`, if the deformer of the face offers that.
     few: Option<Box<dyn Deformer>>,
     vertices: Vec<usize>,
-    /// The tongue among them, whose vertices all are there.
+    /// The tongue, all of whose vertices are in `vertices`.
     tongue: Option<FaceTongue>,
-    /// Vertices whose displacements show how the face moves; and where they stand in `vertices`.
+    /// The vertices whose displacements show how the face moves: their positions in `vertices`, and
+    /// their numbers in the mesh.
     probe_indices: Vec<usize>,
     probes: Vec<usize>,
 }
 
-/// A motion, and head, eyes and tongue beside it.
+/// A motion with its head, eyes and tongue.
 type Moving<'a> = (&'a Motion, &'a Life);
 
 impl Way<'_> {
@@ -304,20 +314,21 @@ impl Way<'_> {
     }
 }
 
-/// What is needed to express motion of a face in the shapes of one take.
+/// Everything needed to express motion of a face in the shapes of one take.
 struct Measure<'a> {
     way: Way<'a>,
     clip: &'a VertexClip,
     basis: &'a VertexBasis,
     projection: Projection,
-    /// How far the shapes move, `[K]`.
+    /// The largest displacement of any vertex by each shape at weight 1, `[K]`.
     sizes: Vec<f32>,
-    /// How many shapes that a frame of the take leaves at 0 may move.
+    /// How many of the shapes that a frame of the take leaves at 0 may move.
     beside: usize,
 }
 
 impl Engine {
-    /// How motion reaches the `probes` of a face, and the tongue, whose vertices must all be there.
+    /// How motion reaches the `probes` of a face and its tongue, all of whose vertices must be
+    /// included.
     fn way<'a>(
         &'a self,
         face: &'a Face,
@@ -328,7 +339,7 @@ impl Engine {
         let tongue = FaceTongue::find(face).ok();
         let beside: BTreeSet<usize> = tongue.iter().flat_map(FaceTongue::numbers).collect();
         let known: BTreeSet<u32> = probes.iter().copied().collect();
-        // What a tongue does depends on all of it.
+        // The motion of a tongue depends on all of its vertices.
         let subset = beside.iter().map(|&v| v as u32).chain(probes);
         let subset: Vec<u32> = BTreeSet::from_iter(subset).into_iter().collect();
         let (few, vertices) = match deformer.of_vertices(&subset) {
@@ -367,7 +378,8 @@ impl Measure<'_> {
         })
     }
 
-    /// How the weights `[T, K]` of the take, which moves as `take`, change to show `varied`.
+    /// How the weights `[T, K]` of the take have to change to show `varied`. `take`: the take's own
+    /// motion.
     fn change(
         &self,
         take: Moving<'_>,
@@ -386,7 +398,8 @@ impl Measure<'_> {
         for frames in frames.chunks(FRAMES_AT_ONCE) {
             let mut moved = self.moved(varied, frames, progress)?;
             if let Motion::Codes(_) = take.0 {
-                // The clip has what codes add to landmarks; both motions have the same codes.
+                // The clip contains what the codes add to the landmarks. Both motions have the same
+                // codes, so the difference from the take's own motion is free of it.
                 moved -= &self.moved(take, frames, progress)?;
             }
             for (&t, weights) in frames
@@ -399,7 +412,8 @@ impl Measure<'_> {
         Ok(out)
     }
 
-    /// The change `[K]` of a frame where the take moves a shape, and else only where it matters most.
+    /// Limits the change `[K]` of a frame. Shapes that the take moves keep theirs; of the others,
+    /// only those that move the face most do.
     fn few_of(&self, frame: usize, change: ArrayView1<'_, f32>) -> Array1<f32> {
         let take = self.basis.weights.row(frame);
         let reach = |k: usize| change[k].abs() * self.sizes[k];
@@ -412,7 +426,8 @@ impl Measure<'_> {
         few
     }
 
-    /// How far some `frames` `[F]` of a motion move the vertices `[F, S, 3]` from where the take has them.
+    /// The displacements `[F, S, 3]` of the probes in some `frames` `[F]` of a motion, minus those
+    /// in the take.
     fn moved(
         &self,
         motion: Moving<'_>,
@@ -430,8 +445,8 @@ impl Measure<'_> {
     }
 }
 
-/// The part of the change `[T, K]` with both emotion and blinks at 0 that the two sliders do not explain each by
-/// itself; 0 in frames without a blink.
+/// The part of the change `[T, K]` at emotion 0 and blinks 0 that the two sliders do not explain,
+/// each on its own; 0 in frames without a blink.
 fn beyond_each(mut change: Array2<f32>, changes: &[SliderChange]) -> Array2<f32> {
     let at_rest = |slider: Slider| {
         let one = changes.iter().find(|change| change.slider == slider);

@@ -1,9 +1,10 @@
-//! Sounds of any length: heard and performed a stretch at a time, so that a night of speech needs no more memory than
-//! minutes of it.
+//! Handles sounds of any length. It analyses and performs them one stretch at a time, so that a
+//! night of speech needs no more memory than minutes of it.
 //!
-//! A sound beyond [`WHOLE_S`] is cut where it is quietest about every five minutes. Neighbours overlap by two seconds; over
-//! the second in the middle, the motion of one goes over into that of the next. What is measured over a whole sound, its
-//! loudness and the colour of the voice, is measured over a stretch.
+//! A sound longer than [`WHOLE_S`] is cut about every five minutes, where it is quietest.
+//! Neighbouring stretches overlap by two seconds. Over the second in the middle of the overlap, the
+//! motion of one stretch fades into the motion of the next. What is otherwise measured over the
+//! whole sound, its loudness and the colour of the voice, is measured over each stretch.
 
 use std::ops::Range;
 
@@ -17,17 +18,17 @@ use crate::{
     spread::Movement,
 };
 
-/// What a stretch is long, about.
+/// Approximate length of a stretch.
 const STRETCH_S: f64 = 300.0;
-/// How far from its place a cut looks for quiet.
+/// How far to either side of its nominal place a cut looks for quiet.
 const AROUND_S: f64 = 30.0;
-/// Sound that two neighbours both hear.
+/// Length of sound that two neighbouring stretches share.
 const OVERLAP_S: f64 = 2.0;
-/// Time in which one motion goes over into the next, in the middle of that.
+/// One motion fades into the next over this time, in the middle of the overlap.
 const BLEND_S: f64 = 1.0;
-/// Hops of 10 ms over which a cut is quiet.
+/// A cut looks for this many consecutive quiet hops of 10 ms.
 const QUIET_HOPS: usize = 100;
-/// Seconds of a hop of [`SoundFile::energies`].
+/// Length of a hop of [`SoundFile::energies`], seconds.
 const HOP_S: f64 = 0.01;
 
 /// A part of a long performance.
@@ -35,10 +36,10 @@ const HOP_S: f64 = 0.01;
 pub struct Part {
     /// Its motion.
     pub motion: Motion,
-    /// Head, eyes and tongue beside it, as many frames.
+    /// Head, eyes and tongue, with as many frames as the motion.
     pub life: Life,
-    /// The emotion that is heard in these frames, in seconds of the whole sound; none where the motion does
-    /// not depend on it.
+    /// The emotion heard in these frames, with times in seconds of the whole sound. `None` in the
+    /// same cases as `Performance::heard_emotion`.
     pub heard_emotion: Option<HeardEmotion>,
 }
 
@@ -49,7 +50,7 @@ impl<'a> From<&'a Part> for Movement<'a> {
 }
 
 impl Part {
-    /// The whole of a performance that begins at a frame of the sound.
+    /// A part that holds a whole performance, which begins at frame `first` of the sound.
     fn of(performance: Performance, first: usize) -> Part {
         let start_s = first as f64 / performance.motion.fps();
         let heard = performance.heard_emotion();
@@ -60,7 +61,7 @@ impl Part {
         }
     }
 
-    /// Some rows of a part that begins at frame `first` of the sound.
+    /// Some rows of a part, which begins at frame `first` of the sound.
     fn rows(&self, rows: Range<usize>, first: usize) -> Part {
         let second = |row: usize| (first + row) as f64 / self.motion.fps();
         let span_s = second(rows.start)..second(rows.end);
@@ -74,11 +75,12 @@ impl Part {
 }
 
 impl Engine {
-    /// Performs a sound of any length and hands the motion over part by part, in order: as [`Engine::perform`] does for one
-    /// of [`WHOLE_S`] or less, a stretch at a time for a longer one. All parts together have one frame for every started
-    /// `1 / fps` seconds.
+    /// Performs a sound of any length, and hands over the motion part by part, in order. A sound of
+    /// at most [`WHOLE_S`] is performed whole, as by [`Engine::perform`]; a longer one, one stretch
+    /// at a time. All parts together have one frame for every `1 / fps` seconds of sound or part
+    /// thereof.
     ///
-    /// `take` gets a part, and what tells its progress as a share of the whole.
+    /// `take` gets a part, and a function to report its progress as a share of the whole.
     ///
     /// # Errors
     /// Those of [`Engine::perform`] and of `take`.
@@ -94,7 +96,7 @@ impl Engine {
         self.perform_stretches(sound, &stretches, request, take, progress)
     }
 
-    /// `stretches`: frames.
+    /// `stretches`: ranges of frames.
     fn perform_stretches(
         &self,
         sound: SoundFile,
@@ -105,7 +107,8 @@ impl Engine {
     ) -> Result<()> {
         self.check(request)?;
         let (fps, levels) = (request.fps, sound.levels);
-        // Ends are rounded outwards, so that each stretch of the sound has all its frames and perhaps one more.
+        // The ends are rounded outwards, so that each stretch of sound has all its frames and
+        // perhaps one more.
         let sample = |frame: usize| frame as f64 / fps * f64::from(SAMPLE_RATE_HZ);
         let heard: Vec<Range<usize>> = stretches
             .iter()
@@ -154,7 +157,8 @@ impl Engine {
         })
     }
 
-    /// The most seconds of a sound of `duration_s` that are in memory at once when it is performed in stretches.
+    /// The most seconds of sound that are in memory at once when a sound of `duration_s` is
+    /// performed in stretches.
     pub fn longest_stretch_s(duration_s: f64) -> f64 {
         match duration_s > WHOLE_S {
             true => STRETCH_S + AROUND_S + OVERLAP_S,
@@ -165,7 +169,7 @@ impl Engine {
 
 /// Divides the frames of a sound into one stretch, or into several that overlap.
 ///
-/// `energies`: sums of squares of its hops of 10 ms.
+/// `energies`: the sum of squares of each hop of 10 ms of the sound.
 fn stretches(energies: &[f32], duration_s: f64, fps: f64) -> Vec<Range<usize>> {
     let frames = frames_of(duration_s, fps);
     if duration_s <= WHOLE_S {

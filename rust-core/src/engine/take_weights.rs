@@ -1,4 +1,4 @@
-//! Takes of one face as weights of its ARKit shapes.
+//! Turns takes of one face into weights of its ARKit shapes.
 
 use super::{Engine, Performance};
 use crate::{
@@ -12,7 +12,8 @@ use crate::{
 };
 
 impl Engine {
-    /// What the takes of a face need to become weights of its ARKit shapes; made once for any number of them.
+    /// Prepares what turns takes of a face into weights of its ARKit shapes. It is made once for
+    /// any number of takes.
     ///
     /// # Errors
     /// Those of [`Engine::rig`].
@@ -24,9 +25,11 @@ impl Engine {
         })
     }
 
-    /// A performance as weights `[T, 52]` of [`ARKIT`]'s shapes on a face, 0 to 1: those that a solve on all its vertices
-    /// gives, where lips that meet come first and eyes look where the performance has them look. Motion that is such weights
-    /// stays what it is, with lips that meet on this face. `ready`: of the same face.
+    /// Turns a performance into weights `[T, 52]` of [`ARKIT`]'s shapes on a face, 0 to 1. The
+    /// weights are those of a solve over all vertices, in which lips that meet take precedence, and
+    /// the eyes look where the performance has them look. A motion that already consists of such
+    /// weights stays as it is, except that its lips are made to meet on this face. `ready`: made
+    /// for the same face.
     ///
     /// # Errors
     /// Those of [`Engine::spread`] and of [`crate::rig::solve`].
@@ -73,7 +76,7 @@ mod tests {
         mesh::{LandmarkSource, Mesh},
     };
 
-    /// Half a second of a buzz that comes and goes.
+    /// One second of a buzz that comes and goes.
     fn sound() -> Waveform {
         let at = |i: usize| {
             let t = i as f32 / 16_000.0;

@@ -1,4 +1,4 @@
-//! What each vertex that is not skin follows, by the role of its part.
+//! Decides what each vertex that is not skin follows, by the role of its part.
 //!
 //! Lengths are canonical centimetres.
 
@@ -18,18 +18,18 @@ use super::{
 };
 use crate::mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry, ibug::LANDMARKS};
 
-/// A part this near to the skin follows it fully. The share falls to zero at [`REACH_CM`].
+/// A part that is this near to the skin follows it fully. The share falls to zero at [`REACH_CM`].
 const FOLLOW_CM: f32 = 1.0;
-/// The roots of a part are its vertex nearest to the skin and all that lie at most this much
-/// further from the skin.
+/// The roots of a part are its vertex nearest to the skin, and all vertices at most this much
+/// farther from the skin.
 const ROOT_CM: f32 = 0.15;
 /// A part larger than this (hair, clothes) follows the skin vertex by vertex.
 const SMALL_CM: f32 = 6.0;
-/// The highest and the lowest vertices of the front half of a mouth part surely belong to the upper
-/// and to the lower jaw. This is their share at each end.
+/// The highest vertices in the front half of a mouth part surely belong to the upper jaw, and the
+/// lowest to the lower jaw. This is their share at each end.
 const SURE_SHARE: f32 = 0.05;
-/// A vertex of a mouth part follows one jaw alone where its path to the other jaw is longer by
-/// this. In between it follows both.
+/// A vertex of a mouth part follows one jaw alone if its path to the other jaw is longer by at
+/// least this. Otherwise it follows both.
 const PASSAGE_CM: f32 = 0.3;
 
 /// Three vertices with their shares.
@@ -47,7 +47,7 @@ pub enum Follows {
 }
 
 impl Follows {
-    /// Skin that moves as itself.
+    /// A vertex of the skin, which follows itself.
     fn itself(v: u32) -> Follows {
         Follows::Skin([(v, 1.0), (v, 0.0), (v, 0.0)])
     }
@@ -55,8 +55,8 @@ impl Follows {
 
 /// Decides for every vertex what it follows.
 ///
-/// `mesh`: canonical centimetres. `skin`: `[V]`, whether landmark motion is solved at a vertex.
-/// Such a vertex follows itself. `landmarks`: of the neutral face.
+/// `mesh`: in canonical centimetres. `skin`: `[V]`, whether landmark motion is solved at a vertex.
+/// Such a vertex follows itself. `landmarks`: those of the neutral face.
 pub fn bind(
     mesh: &Mesh,
     list: &PartList,
@@ -93,8 +93,8 @@ pub fn bind(
     follows
 }
 
-/// What each vertex of a part follows: the point of the skin nearest to it or, for a small part,
-/// nearest to the part's root.
+/// What each vertex of a part follows: the point of the skin nearest to the vertex or, for a small
+/// part, nearest to the root closest to the vertex.
 fn follow_skin(mesh: &Mesh, part: &[u32], tree: &SurfaceTree) -> Vec<Follows> {
     let points: Vec<[f32; 3]> = part.iter().map(|&v| mesh.positions[v as usize]).collect();
     let nearest: Vec<_> = points.par_iter().map(|&p| place(mesh, tree, p)).collect();
@@ -131,7 +131,7 @@ fn follow_skin(mesh: &Mesh, part: &[u32], tree: &SurfaceTree) -> Vec<Follows> {
         .collect()
 }
 
-/// The corners of the skin's face nearest to a point with their shares, and the distance.
+/// The corners of the skin's triangle nearest to a point, with their shares, and the distance.
 fn place(mesh: &Mesh, tree: &SurfaceTree, point: [f32; 3]) -> Option<(Corners, f32)> {
     let hit = tree.closest(point)?;
     let corners = mesh.triangles[hit.face as usize];
@@ -139,11 +139,11 @@ fn place(mesh: &Mesh, tree: &SurfaceTree, point: [f32; 3]) -> Option<(Corners, f
     Some((shares, hit.distance as f32))
 }
 
-/// How far each vertex of a part that holds both jaws follows the lower one.
+/// How far each vertex follows the lower jaw, in a part that belongs to both jaws.
 ///
-/// The highest and lowest vertices of its front half surely belong to one jaw each; every other
-/// vertex belongs to the jaw that is nearer along the part's edges. On ICT FaceKit's gums with
-/// tongue 4 % of the vertices, in the throat, come out on the wrong jaw. `unit`: one length unit of
+/// The highest and the lowest vertices of its front half surely belong to one jaw each. Every other
+/// vertex belongs to the jaw that is nearer along the edges of the part. On ICT FaceKit's gums with
+/// tongue, 4 % of the vertices come out on the wrong jaw, in the throat. `unit`: one length unit of
 /// the mouth.
 fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
     let at = |v: &u32| mesh.positions[*v as usize];
@@ -163,8 +163,8 @@ fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
     let passage = PASSAGE_CM * unit;
     let share = |(up, down): (f32, f32)| match (up.is_finite(), down.is_finite()) {
         (true, true) => (0.5 + (up - down) / (2.0 * passage)).clamp(0.0, 1.0),
-        // A loose piece follows the jaw where all its sure vertices are lowest ones. Any other
-        // piece rests.
+        // A loose piece follows the jaw if it reaches lowest vertices and no highest ones. Any
+        // other loose piece rests.
         (upper, lower) => f32::from(lower && !upper),
     };
     let follows = |ways| match share(ways) {

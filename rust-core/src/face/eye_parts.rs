@@ -1,50 +1,56 @@
-//! Which parts of a head are eyes. An eye is round and sits in a socket, on a stalk or on the face.
-//! What lies on such a ball or in it belongs to the eye.
+//! Decides which parts of a head are eyes. An eye is round and sits in a socket, on a stalk or on
+//! the face. Whatever lies on such a ball or inside it belongs to the eye.
 //!
-//! A ball at an eye of the landmarks may be an egg. Anywhere else (a third eye, the one of a
-//! cyclops, eyes on stalks) it must be a sphere of an eye's size that touches skin. It must lie
-//! above the tip of the nose and away from the ears, where rings hang. Lashes are as wide as an eye
-//! and not round; cards of single lashes are as small as a pupil and stand out of the ball. Lengths
-//! are canonical centimetres.
+//! A ball at an eye of the landmarks may be egg-shaped. Anywhere else (a third eye, the eye of a
+//! cyclops, eyes on stalks) it must be a sphere of the size of an eye that touches skin. It must
+//! lie above the tip of the nose and away from the ears, where earrings hang. Lashes are as wide as
+//! an eye but not round. Cards of single lashes are as small as a pupil but stand out of the ball.
+//! Lengths are canonical centimetres.
 
 use glam::Vec3;
 
 use super::box3::Box3;
 use crate::mesh::{SurfaceTree, ibug::LANDMARKS, sphere::fit_sphere};
 
-/// Points this far within the first fit belong to the inside of an eye, as a share of the radius.
+/// Points within this share of the first fit's radius belong to the inside of an eye.
 const INSIDE: f32 = 0.93;
-/// A sphere's points lie within this root mean square of it, a share of the radius.
+/// A part is a sphere if the root mean square distance of its points from the fit is less than this
+/// share of the radius.
 const ROUND: f32 = 0.12;
 /// Least extent of a ball, as a share of the radius: more than half of the ball must be there.
 const LEAST_EXTENT: f32 = 1.0;
-/// An egg at the place of an eye: its least extent to its largest.
+/// Least ratio of smallest to largest extent of an egg at the place of an eye.
 const EGG: f32 = 0.55;
-/// Largest extent of an egg, in widths of the eye.
+/// Range of the largest extent of an egg, in widths of the eye.
 const EGG_WIDTHS: (f32, f32) = (0.5, 2.0);
-/// On each of its four sides a ball has at least this share of its points, at least so far from the
-/// middle (a share of its radius).
+/// On each of its four sides (right, left, above, below), a ball has at least this share of its
+/// points.
 const SIDE_SHARE: f32 = 0.1;
+/// A point lies on a side if it is farther than this from the middle, as a share of the radius.
 const SIDE: f32 = 0.2;
-/// What lies on a ball or in it keeps within this distance of the centre, a share of the radius.
+/// Points of a part on or in a ball lie at most this far from its centre, as a share of the radius.
 const ON_BALL: f32 = 1.2;
-/// And within this angle of its own middle, seen from the centre, unless it lies inside the ball.
+/// They also lie within this angle of the middle of their part, seen from the centre, unless the
+/// whole part lies inside the ball.
 const CAP_DEG: f32 = 48.0;
-/// The middle of the cap lies within the first angle of the front where the cap is narrow, as a
-/// slit pupil, and within the second where it is as wide as high. Skin of the eye's corner lies
-/// further aside.
+/// The middle of a cap lies at most this far from straight ahead: within the first angle for a
+/// narrow cap such as a slit pupil, within the second for a cap about as wide as high. Skin at the
+/// corner of the eye lies farther aside.
 const FRONT_DEG: (f32, f32) = (12.0, 60.0);
+/// A cap is about as wide as high if its smaller extent is more than this share of the larger.
 const AS_WIDE: f32 = 0.75;
-/// An eye without a ball: its parts are smaller than this, lie this near to its middle and stand
-/// out of it by no more than this, all in widths of the eye.
+/// In an eye without a ball, each part is smaller than this, in widths of the eye.
 const SMALL: f32 = 0.6;
+/// The middle of such a part lies less than this beside that of the eye, in widths of the eye.
 const SMALL_BESIDE: f32 = 0.3;
+/// Such a part stands out less than this in front of the middle of the eye, in widths of the eye.
 const SMALL_BEFORE: f32 = 0.2;
-/// Radius of a ball elsewhere, relative to the mean width of both eyes and relative to the radius
-/// of the balls at the eyes.
+/// Range of the radius of a ball elsewhere: as a share of the mean width of both eyes if they have
+/// no balls, otherwise of the radius of a ball at the eyes.
 const ELSEWHERE_OF_WIDTH: (f32, f32) = (0.2, 1.5);
 const ELSEWHERE_OF_BALL: (f32, f32) = (0.5, 2.0);
-/// Distance of the nearest skin from the centre of a ball that skin holds, a share of the radius.
+/// Skin holds a ball if the nearest skin lies this far from the centre, as a range of shares of the
+/// radius.
 const HELD_DISTANCES: (f32, f32) = (0.2, 1.35);
 /// Ears begin at this share of the way from the middle of the face to the jaw hinges.
 const EARS: f32 = 0.8;
@@ -58,11 +64,11 @@ struct Ball {
 
 /// Where eyes may be.
 pub(super) struct EyeParts {
-    /// Centre and width of both eyes of the landmarks, the subject's right eye first.
+    /// Centre and width of both eyes of the landmarks; the subject's right eye comes first.
     eyes: [([f32; 3], f32); 2],
     nose_tip: [f32; 3],
     brows_y: f32,
-    /// Half the width between the ears.
+    /// Sideways distance from the middle of the face to where the ears begin.
     ears_x: f32,
     middle_x: f32,
 }
@@ -83,8 +89,8 @@ impl EyeParts {
         }
     }
 
-    /// Whether each part, a list of points, belongs to an eye. `skin` is called only where the
-    /// surface of the face decides.
+    /// Whether each part, a list of points, belongs to an eye. `skin` is called only when the
+    /// surface of the face is needed to decide.
     pub(super) fn find<'a>(
         &self,
         parts: &[Vec<[f32; 3]>],
@@ -107,7 +113,7 @@ impl EyeParts {
         parts.iter().enumerate().map(is_eye).collect()
     }
 
-    /// The ball that a part is, if it is a ball at an eye of the landmarks.
+    /// The part as a ball, if it is one at an eye of the landmarks.
     fn ball_at_an_eye(&self, points: &[[f32; 3]]) -> Option<Ball> {
         let bounds = Box3::of(points.iter().copied());
         let (middle, largest) = (bounds.middle(), bounds.largest());
@@ -141,7 +147,7 @@ impl EyeParts {
         size && !is_nose && !at_ears && y > self.nose_tip[1]
     }
 
-    /// A pupil, an iris or a light in an eye that has no ball.
+    /// Whether a part is a pupil, an iris or a highlight in an eye that has no ball.
     fn is_small(&self, points: &[[f32; 3]], balls: &[Ball]) -> bool {
         let bounds = Box3::of(points.iter().copied());
         let middle = bounds.middle();
@@ -157,7 +163,8 @@ impl EyeParts {
     }
 }
 
-/// Whether points lie on all four sides of a ball: those of lashes, which a sphere may fit, lie on one side.
+/// Whether points lie on all four sides of a ball. A sphere may fit lashes, but their points lie on
+/// one side.
 fn surround(points: &[[f32; 3]], ball: &Ball) -> bool {
     let least = SIDE_SHARE * points.len() as f32;
     let beyond = |axis: usize, sign: f32| {
@@ -169,7 +176,7 @@ fn surround(points: &[[f32; 3]], ball: &Ball) -> bool {
         .all(|&(axis, sign)| beyond(axis, sign) >= least)
 }
 
-/// The sphere that the outside of a part is, if it is one.
+/// The sphere that the outside of a part forms, if it does.
 fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
     let (centre, radius, _) = fit_sphere(points.iter().copied())?;
     let outer = points.iter().copied();
@@ -191,7 +198,7 @@ fn is_held_by(ball: &Ball, skin: &SurfaceTree) -> bool {
     place.is_some_and(|place| distances.contains(&(place.distance as f32)))
 }
 
-/// Whether two balls are one, as a cornea and the eye that it covers.
+/// Whether two balls belong together, such as a cornea and the eye that it covers.
 fn same(a: &Ball, b: &Ball) -> bool {
     Vec3::from(a.centre).distance(b.centre.into()) < 0.3 * a.radius
         && (0.7 * a.radius..1.4 * a.radius).contains(&b.radius)
@@ -243,7 +250,7 @@ mod tests {
         EyeParts::new(&marks, [eye(36), eye(42)], middle(&marks[17..27])[1])
     }
 
-    /// Points of an ellipsoid, those of `keep` alone.
+    /// Points of an ellipsoid, in the directions that `keep` accepts.
     fn ellipsoid(
         centre: [f32; 3],
         radii: [f32; 3],
@@ -268,7 +275,7 @@ mod tests {
         ellipsoid(centre, [radius; 3], |_| true)
     }
 
-    /// A strip as wide as the eye's opening along a lid, standing out of it as lashes do.
+    /// A strip along a lid, as wide as the eye's opening, that stands out of the lid like lashes.
     fn lashes(centre: [f32; 3]) -> Vec<[f32; 3]> {
         let along = (0..20).map(|k| (k as f32 - 9.5) / 9.5);
         along
@@ -280,7 +287,7 @@ mod tests {
             .collect()
     }
 
-    /// Skin is a wall through the eyes, as wide as the face.
+    /// Finds the eyes among parts. The skin is a wall through the eyes, as wide as the face.
     fn are_eyes(parts: &[Vec<[f32; 3]>]) -> Vec<bool> {
         let z = middle(&landmarks()[36..48])[2];
         let wall = Mesh {

@@ -1,7 +1,7 @@
-//! What is kept of a face between runs: its landmarks and parts, whole.
+//! Keeps the landmarks and the parts of a face between runs.
 //!
-//! Entries are named by everything they depend on: the mesh, the options, the models, and the code
-//! itself. A mesh that was seen before costs reading its file and what is kept of it.
+//! The key of an entry covers everything the entry depends on: the mesh, the options, the models,
+//! and the code itself. A mesh that was seen before only costs reading its file and its entry.
 
 use super::{FaceOptions, PartList};
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
     mesh::{Landmarks, Mesh, ibug::LANDMARKS},
 };
 
-/// The part of every name that a mesh contributes beside `models`.
+/// The key of a mesh: that of the `models`, extended by the mesh. Every key of a face extends it.
 pub(super) fn key_of(mesh: &Mesh, models: &CacheKey) -> CacheKey {
     models
         .clone()
@@ -18,7 +18,7 @@ pub(super) fn key_of(mesh: &Mesh, models: &CacheKey) -> CacheKey {
         .u32s(mesh.triangles.as_flattened())
 }
 
-/// Names a face whose landmarks are known, `mesh` being the key of its mesh.
+/// The key of a face whose landmarks are known. `mesh`: the key of its mesh.
 pub(super) fn key_of_face(
     mesh: &CacheKey,
     options: &FaceOptions,
@@ -31,7 +31,7 @@ pub(super) fn key_of_face(
         .f32s(&landmarks.confidence)
 }
 
-/// The landmarks that `options` give or leave to be found, and the parts of the mesh.
+/// The landmarks and the parts of a mesh, from the cache or else from `find`.
 pub(super) fn landmarks(
     cache: &Cache,
     mesh: &CacheKey,

@@ -1,32 +1,33 @@
-//! What a caller knows of a face.
+//! The options with which a face is prepared.
 
 use crate::{
     conditions::Controls,
     mesh::{Axis, FixedLandmark, LandmarkSource, PartChoices},
 };
 
-/// What is known of a face before it is prepared.
+/// What the caller says about a face before it is prepared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceOptions {
     /// Landmarks from the caller; `None` lets the library find them.
     pub landmarks: Option<LandmarkSource>,
     /// Landmarks that stay where the caller puts them; the others follow.
     pub fixed: Vec<FixedLandmark>,
-    /// The axis out of the face: +z in OBJ and glTF, −y in Blender. Faces turned any way are found;
-    /// the axes decide where several places look alike.
+    /// The axis out of the face: +z in OBJ and glTF, −y in Blender. The library finds faces that
+    /// are turned any way. The axes decide where several places look alike.
     pub forward: Axis,
     /// The axis to the top of the head.
     pub up: Axis,
-    /// What the caller says of the mesh's parts; the others are told by shape and place.
+    /// The roles that the caller gives to parts of the mesh. The library recognises the other parts
+    /// by their shape and place.
     pub parts: PartChoices,
-    /// A skin of more vertices is worked on through a proxy of so many; `None` works on every
-    /// vertex, however many.
+    /// A skin with more vertices than this is solved on a proxy with this many vertices. `None`
+    /// solves it on all of its own vertices, however many there are.
     pub proxy: Option<usize>,
-    /// What the controls of faces are set to.
+    /// The settings of the controls that act on a face.
     pub controls: Controls,
 }
 
-/// Vertices of the proxy on which large skins are worked on.
+/// Default number of vertices of the proxy for a large skin.
 pub const DEFAULT_PROXY: usize = 10_000;
 
 impl Default for FaceOptions {

@@ -19,7 +19,8 @@ use crate::{
 /// A landmark may lie this far from the surface, as a share of the distance between the outer eye
 /// corners (9 cm on a human head). Hand-placed points float by a centimetre or so.
 const FAR_IN_EYE_DISTANCES: f32 = 0.25;
-/// A point this near to its vertex counts as the vertex: files round to nine digits.
+/// A point this near to its vertex counts as the vertex, because files round to nine digits. A
+/// share of the same distance.
 const AT_VERTEX_IN_EYE_DISTANCES: f32 = 1e-6;
 
 /// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
@@ -115,7 +116,7 @@ fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
     })
 }
 
-/// [`from_positions`], where a point that lies at its vertex stays on it.
+/// [`from_positions`], except that a point at its own vertex stays on that vertex.
 fn from_known(mesh: &Mesh, landmarks: &[KnownLandmark]) -> Result<Landmarks> {
     let positions: Vec<[f32; 3]> = landmarks.iter().map(|landmark| landmark.position).collect();
     let mut known = from_positions(mesh, &positions)?;
@@ -229,7 +230,7 @@ mod tests {
         let located = locate(&mesh, LandmarkSource::Vertices((0..68).collect())).unwrap();
         let known = locate(&mesh, LandmarkSource::from(&located)).unwrap();
         assert_eq!(known, located);
-        // A stale number changes nothing.
+        // A stale vertex number is ignored.
         let mut stale = located.clone();
         stale.vertices = stale.vertices.map(|vertex| 1_000_000 - vertex);
         let stale = locate(&mesh, LandmarkSource::from(&stale)).unwrap();

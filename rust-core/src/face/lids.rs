@@ -2,21 +2,22 @@
 //!
 //! Twin of `lid_edge` and `lid_profile` in `training/deform/tension_screened_biharmonic.py`.
 //! Lengths are centimetres in the canonical frame. The edge is a curve through the landmarks, not a
-//! way over the mesh, so that it is the same on every triangulation.
+//! path over the mesh, so that it is the same on every triangulation.
 
 use std::ops::Range;
 
 /// Landmarks around each eye, corner to corner and back.
 pub const EYES: [Range<usize>; 2] = [36..42, 42..48];
 
-/// Points of the edge from one landmark to the next.
+/// Points of the curve from one landmark to the next.
 const CURVE_POINTS: usize = 8;
-/// Distance from the edge to which outer skin follows fully, and from which on it rests; measured
-/// on ICT FaceKit's eyeBlink, as the two below.
+/// Outer skin follows the lid fully up to the first distance from the edge, and not at all from the
+/// second on. Measured on ICT FaceKit's eyeBlink, like the next two.
 const OUTER_CM: (f64, f64) = (0.3, 0.8);
 /// The same for the lining behind the edge.
 const INNER_CM: (f64, f64) = (0.5, 1.5);
-/// Depth behind the nearest point of the edge at which skin begins to count as lining, and does.
+/// Skin begins to count as lining at the first depth behind the nearest point of the edge, and
+/// counts fully from the second on.
 const BEHIND_CM: (f64, f64) = (0.1, 0.25);
 
 /// The edge of both lids of one eye.
@@ -52,7 +53,7 @@ impl LidEdge {
         }
     }
 
-    /// By which share, 0 to 1, a point of the skin follows the lids.
+    /// The share, 0 to 1, by which a point of the skin follows the lids.
     pub fn share(&self, point: [f64; 3]) -> f64 {
         let squared =
             |edge: &[f64; 3]| -> f64 { (0..3).map(|x| (point[x] - edge[x]).powi(2)).sum() };
@@ -63,7 +64,7 @@ impl LidEdge {
         follow_share(squared.sqrt(), nearest[2] - point[2])
     }
 
-    /// The edges of the upper and of the lower lid, each from the first corner to the other.
+    /// The edges of the upper and of the lower lid, both from the first corner to the second.
     pub fn both(&self) -> [Vec<[f64; 3]>; 2] {
         let half = self.points.len() / 2;
         let upper = self.points[..=half].to_vec();
@@ -74,7 +75,8 @@ impl LidEdge {
     }
 }
 
-/// By which share skin follows a lid whose edge lies `distance` away and `behind` before it.
+/// The share by which skin follows a lid whose edge is `distance` away. `behind`: how far the skin
+/// lies behind the edge.
 pub fn follow_share(distance: f64, behind: f64) -> f64 {
     if distance >= INNER_CM.1 {
         return 0.0;

@@ -1,4 +1,4 @@
-//! What is known of one mesh: where its face is, and what moving it needs.
+//! Everything known about one mesh: where its face is, and the data that moving it needs.
 
 pub mod binding;
 mod box3;
@@ -54,7 +54,7 @@ pub use surface::FaceSurface;
 /// A mesh, its landmarks, its place in the canonical frame and its parts. Everything else is
 /// computed once, when it is first needed.
 ///
-/// A face never changes visibly. Any number of threads may use one.
+/// To its users a face never changes, and any number of threads may share one.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, face::FaceOptions, mesh::{LandmarkSource, Mesh}};
@@ -80,23 +80,23 @@ pub struct Face {
     pub parts: PartList,
     /// The options of the call that made the face.
     pub options: FaceOptions,
-    /// Names the mesh and the models in the cache.
+    /// Cache key of the mesh and the models.
     key: CacheKey,
     mouth: OnceLock<Mouth>,
     openings: OnceLock<Openings>,
     surface: OnceLock<FaceSurface>,
     deformer: OnceLock<Arc<dyn Deformer>>,
     rig: OnceLock<Arc<Rig>>,
-    /// By the names of their models.
+    /// The code fields by the names of their models.
     fields: Mutex<BTreeMap<&'static str, Field>>,
 }
 
 impl Face {
-    /// Finds the parts of a mesh, and its landmarks where the options have none. `models` names
-    /// what else the result depends on.
+    /// Finds the parts of a mesh, and its landmarks where the options have none. `models`: the
+    /// cache key of the models, on which the result depends too.
     ///
     /// # Errors
-    /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`.
+    /// `FaceNotFound`, `Mesh`, `InvalidInput` for impossible landmarks, `Cancelled`.
     pub(crate) fn find(
         mesh: &Mesh,
         options: &FaceOptions,
@@ -120,7 +120,7 @@ impl Face {
         Ok(Face::new(mesh.clone(), place, options.clone(), key))
     }
 
-    /// A face at a known place.
+    /// A face whose landmarks, alignment and parts are known.
     pub(crate) fn new(
         mesh: Mesh,
         (landmarks, to_canonical, parts): (Landmarks, Similarity, PartList),
@@ -149,7 +149,7 @@ impl Face {
         *self.mouth.get_or_init(find)
     }
 
-    /// Which of brows, eyes and nose the finder saw. The features that the face lacks rest.
+    /// Which of brows, eyes and nose the finder saw. Features that the face lacks do not move.
     pub(crate) fn features(&self) -> Features {
         let features = Features::of(&self.landmarks);
         match self.openings().is_one() {
@@ -158,20 +158,21 @@ impl Face {
         }
     }
 
-    /// Says which features of the face were not found, or hardly, and so rest or move less. `None`
-    /// where there are none.
+    /// Names the features that were not found and do not move, and those that were hardly found and
+    /// move less. `None` where all were found.
     pub fn at_rest(&self) -> Option<String> {
         self.features().sentence()
     }
 
-    /// What the lids of the subject's right and left eye can do. The eye of a cyclops is both.
+    /// What the lids of the subject's right and left eye can do. The eye of a cyclops counts as
+    /// both.
     pub fn lids(&self) -> [Lids; 2] {
         self.openings().lids()
     }
 
     /// Converts the canonical landmark motion `[T, 68, 3]`, metres, to motion of this face, in the
-    /// mesh's units and axes. Lids travel by the requested share of the height by which these eyes
-    /// are open.
+    /// mesh's units and axes. A lid that closes by some share travels this share of the height of
+    /// its own eye's opening.
     pub fn motion_on_mesh(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
         let mut motion = landmarks.to_owned();
         self.openings().to_face(&mut motion);
@@ -179,8 +180,8 @@ impl Face {
     }
 
     /// Displacements `[t, V, 3]` of this face under codes `[t, X]`, mesh units and axes. `deformer`
-    /// moves the vertices that do not follow the codes, and adds the motion of `landmarks` `[t, 68,
-    /// 3]`, in mesh units, that the codes do not hold.
+    /// moves the vertices that do not follow the codes. It also adds the motion of `landmarks`
+    /// `[t, 68, 3]`, in mesh units, which the codes do not contain.
     ///
     /// # Errors
     /// Those of [`CodeField::landmarks`] and of the deformer.
@@ -233,12 +234,12 @@ impl Face {
         self.openings.get_or_init(find)
     }
 
-    /// Size of the mesh's unit on a head of human size.
+    /// Metres per unit of the mesh, if the head has human size.
     pub fn metres_per_unit(&self) -> f64 {
         self.to_canonical.scale
     }
 
-    /// The skin and what follows it.
+    /// The skin and the parts that follow it.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face.
@@ -280,8 +281,8 @@ impl Face {
         Ok(self.fields().entry(model).or_insert(field).clone())
     }
 
-    /// Why vertices did not follow the field of a head under the latest motion of codes. `None`
-    /// where they did.
+    /// Why the landmarks alone move the mesh under codes: no head of a model is like this face.
+    /// `None` where every field that was asked for fits.
     pub fn field_note(&self) -> Option<String> {
         let fields = self.fields();
         let complaint = fields.values().find_map(|field| field.as_ref().err())?;
@@ -292,7 +293,7 @@ impl Face {
         self.fields.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Names this face in the cache for results that no control changes.
+    /// Cache key of this face for results that no control changes.
     pub(crate) fn cache_key_of_mesh(&self) -> CacheKey {
         let options = FaceOptions {
             controls: Controls::default(),
@@ -301,19 +302,19 @@ impl Face {
         face_cache::key_of_face(&self.key, &options, &self.landmarks)
     }
 
-    /// Names this face in the cache.
+    /// Cache key of this face.
     pub(crate) fn cache_key(&self) -> CacheKey {
         face_cache::key_of_face(&self.key, &self.options, &self.landmarks)
     }
 }
 
-/// Says that no head is like a face, and what happens instead.
+/// Says that no head of the model is like this face, and what happens instead.
 pub(crate) fn unlike(instead: &str, complaint: &str) -> String {
     format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
-/// The value in `cell`; `make` makes it the first time. Two threads at once may both make it: the
-/// first result stays.
+/// The value in `cell`. `make` makes it the first time. Two threads may both make it at once. The
+/// first result that is stored stays.
 fn once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     match cell.get() {
         Some(value) => Ok(value),

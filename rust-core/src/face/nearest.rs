@@ -1,4 +1,4 @@
-//! The nearest of many points, by a grid of cells.
+//! Finds the nearest of many points with a grid of cells.
 
 use std::collections::HashMap;
 
@@ -96,7 +96,7 @@ fn cell_of(point: [f32; 3], cell: f32) -> [i32; 3] {
     point.map(|x| (x / cell).floor() as i32)
 }
 
-/// The nearest point to `p` on the straight way between two others.
+/// The point nearest to `p` on the line segment between two others.
 pub(crate) fn nearest_between(p: Vec3, a: Vec3, b: Vec3) -> Vec3 {
     let way = b - a;
     let along = (p - a).dot(way) / way.length_squared().max(1e-12);

@@ -1,4 +1,4 @@
-//! The parts of a head and what each of them is.
+//! The parts of a head and their roles.
 
 use std::cell::OnceCell;
 
@@ -21,14 +21,14 @@ const LANDMARKS_OF_SKIN: usize = 7;
 /// How far along the surface a lip reaches when the lips are separated, centimetres.
 const LIP_CM: f32 = 4.0;
 
-/// The connected parts of a mesh, seams sewn up, with their roles.
+/// The connected parts of a mesh, after its seams are sewn up, with their roles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartList {
     /// In the order of their numbers.
     pub parts: Vec<Part>,
     /// Part of each vertex.
     pub(crate) connected: Parts,
-    /// Vertices that no seam may sew: closed lips that only touch.
+    /// Vertices that must never be sewn up: closed lips that only touch.
     pub(super) keep_apart: Vec<u32>,
 }
 
@@ -36,8 +36,8 @@ impl PartList {
     /// Finds the parts of a mesh in its own units.
     ///
     /// # Errors
-    /// `Mesh` if no landmark lies on a usable face or the caller leaves no skin; `InvalidInput` for
-    /// a choice that names no part.
+    /// `Mesh` if no landmark lies on a usable face or the caller's choices leave no skin;
+    /// `InvalidInput` for a choice that names no part.
     pub fn find(
         mesh: &Mesh,
         landmarks: &Landmarks,
@@ -106,7 +106,7 @@ impl PartList {
         })
     }
 
-    /// `[V]`: the part of each vertex, [`crate::mesh::parts::NO_PART`] for one in no face.
+    /// `[V]`: the part of each vertex, [`crate::mesh::parts::NO_PART`] for one without a face.
     pub fn of_vertex(&self) -> &[u32] {
         &self.connected.of_vertex
     }
@@ -157,7 +157,7 @@ fn skin_vertices(lists: &[Vec<u32>], is_skin: &[bool], mesh: &Mesh) -> Vec<bool>
     vertices
 }
 
-/// The surface made of skin vertices alone.
+/// The surface of the triangles whose corners are all skin.
 pub(super) fn skin_tree(mesh: &Mesh, is_skin: &[bool]) -> SurfaceTree {
     let of_skin = |t: &[u32; 3]| t.iter().all(|&v| is_skin[v as usize]);
     let numbered = mesh.triangles.iter().enumerate();
@@ -168,7 +168,7 @@ pub(super) fn skin_tree(mesh: &Mesh, is_skin: &[bool]) -> SurfaceTree {
     SurfaceTree::of_faces(mesh, &faces)
 }
 
-/// Vertices of closed lips that only coincide: sewing them up would glue the mouth.
+/// Vertices of closed lips that only coincide. Sewing them up would glue the mouth shut.
 /// `groups`: for each vertex the one that stands for it when all seams are sewn up.
 pub(super) fn touching_lips(mesh: &Mesh, groups: &[u32], vertices: &[u32; LANDMARKS]) -> Vec<u32> {
     let sewn: Vec<u32> = (0..groups.len() as u32)

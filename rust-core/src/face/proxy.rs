@@ -1,12 +1,12 @@
-//! The skin on which per-mesh work is done, and the way back to the full one.
+//! A proxy of the skin for per-mesh work, and the map from it to the full skin.
 //!
 //! Operators, plate weights and the learned correction cost time for every vertex, yet their
-//! results are smooth. So on a scan of a million triangles they are solved on some ten thousand
+//! results are smooth. So on a scan of a million triangles they are solved on about ten thousand
 //! vertices, and [`Prolongation`] carries them to the rest. Edges of the proxy are shortest at the
 //! lips and lids, where weights change fastest, and grow with the distance from them. Every
 //! landmark is a vertex, and a mesh too coarse for the plate gets finer triangles for the solve
-//! (`refine`). The lips stay separate, because the proxy comes from collapsing edges, and every
-//! vertex looks for its place only around the vertex into which it was collapsed.
+//! (`refine`). The proxy comes from collapsing edges, and every vertex looks for its place on it
+//! only around the vertex into which it was collapsed. That keeps the lips separate.
 //!
 //! Lengths are canonical centimetres.
 
@@ -31,25 +31,25 @@ const ERROR_CM: f64 = 0.05;
 const FINE: std::ops::Range<usize> = 36..68;
 /// Edge length at the lips and lids, and at other landmarks, relative to each other.
 const EDGE_CM: [f32; 2] = [0.1, 0.2];
-/// Growth of the edge length with the distance.
+/// Growth of the edge length with the distance from a landmark.
 const GROWTH: f32 = 0.1;
 /// An edge of a coarse skin is split where it is this many times longer than [`target_edge`].
 const LONG: f32 = 2.0;
 
-/// The skin as it is solved on.
+/// The version of the skin on which the solve works.
 #[derive(Debug, Clone)]
 pub struct Proxy {
-    /// Triangles of the proxy over the positions of the whole mesh and those that were added.
+    /// Triangles of the proxy. Positions are those of the whole mesh, then those that were added.
     pub mesh: Mesh,
-    /// From the proxy's vertices to all of the skin's.
+    /// Carries values from the proxy's vertices to all vertices of the skin.
     pub prolongation: Prolongation,
     /// Largest distance of a skin vertex from the proxy, centimetres.
     pub error_cm: f32,
 }
 
 impl Proxy {
-    /// Comes down to `vertices` vertices, or up towards them where the skin has long edges; the
-    /// landmarks become vertices.
+    /// Reduces the skin to `vertices` vertices, or adds up to that many where the skin has long
+    /// edges. The landmarks become vertices.
     ///
     /// # Shapes
     /// `positions`: `[V]`. `triangles`: of the skin, seams sewn up. `landmarks`: of the neutral

@@ -1,48 +1,50 @@
-//! What a part that is not skin is, judged by its shape and its place beside the landmarks.
+//! Finds the role of each part that is not skin from its shape and its place beside the landmarks.
 //!
-//! A mesh names its parts in any language or not at all, so names say nothing. Most rules compare the box about a part
-//! with the landmarks. They are rules of thumb, and the first one that fits counts:
+//! A mesh names its parts in any language or not at all, so names say nothing. Most rules compare the box
+//! around a part with the landmarks. They are rules of thumb, and the first one that fits counts:
 //!
-//! 1. Round and in a socket: an eye, with what lies on it or in it ([`EyeParts`]).
-//! 2. Within the mouth's width and behind the lips: a part of the mouth. A part taller than [`TALL_CM`], such as gums
-//!    with a tongue, holds both jaws. Else its middle decides: below the line between the lips it follows the jaw,
-//!    above it the skull.
-//! 3. A frame across both eyes that hangs below them, or a plate before one eye: glasses, which rest with the skull.
+//! 1. Round and in a socket: an eye, and the parts that lie on it or in it ([`EyeParts`]).
+//! 2. Within the mouth's width and behind the lips: a part of the mouth. A part taller than [`TALL_CM`], such
+//!    as gums with a tongue, holds both jaws. Otherwise its middle decides: below the line between the lips
+//!    it follows the jaw, above it the skull.
+//! 3. A frame across both eyes that hangs below them, or a plate in front of one eye: glasses, which rest
+//!    with the skull.
 //! 4. Large and reaching well above the brows: hair or a hat, which rest with the skull.
-//! 5. Any vertex within [`REACH_CM`] of the skin: lashes, brows, beards. The part follows the skin nearest to its
-//!    roots.
+//! 5. Any vertex within [`REACH_CM`] of the skin: lashes, brows, beards. The part follows the skin nearest to
+//!    its roots.
 //! 6. Anything else is no part of the face and stays still.
 //!
-//! The cost of rules 2 to 4 is one pass over the vertices of a part. Only rule 5, and eyes away from the landmarks,
-//! ask for the nearest skin. The search tree is therefore a closure that builds it for the first part that needs it,
-//! and rule 5 stops at the first vertex within reach.
+//! The cost of rules 2 to 4 is one pass over the vertices of a part. Only rule 5, and eyes away from the
+//! landmarks, ask for the nearest skin. The search tree is therefore a closure that builds it for the first
+//! part that needs it, and rule 5 stops at the first vertex within reach.
 //!
-//! Not obvious: the order is part of the rules. Eyeballs, teeth and glasses lie within reach of the skin and would
-//! follow it by rule 5, so that rule comes after theirs. A moustache stands out before the lips. It is therefore no
-//! part of the mouth and reaches rule 5. Glasses and hair have the same role, so their order does not matter.
+//! Not obvious: the order is part of the rules. Eyeballs, teeth and glasses lie within reach of the skin and
+//! would follow it by rule 5, so that rule comes after theirs. A moustache stands out in front of the lips.
+//! It is therefore not a part of the mouth and reaches rule 5. Glasses and hair have the same role, so their
+//! order does not matter.
 //!
-//! What can go wrong: a rule can only see boxes. Long hair that ends below the brows' height follows the skin, and a
-//! lamp near the cheek counts as a beard. A caller's choice of a role ([`PartChoices`](crate::mesh::PartChoices))
-//! overrides every rule.
+//! What can go wrong: a rule can only see boxes. Long hair that ends below the brows' height follows the
+//! skin, and a lamp near the cheek counts as a beard. A caller's choice of a role
+//! ([`PartChoices`](crate::mesh::PartChoices)) overrides every rule.
 //!
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 
 use super::{box3::Box3, eye_parts::EyeParts};
 use crate::mesh::{PartRole, SurfaceTree, ibug::LANDMARKS};
 
-/// Height of a mouth part beyond which it is taken to hold upper and lower jaw at once.
+/// A mouth part taller than this is taken to hold both the upper and the lower jaw.
 const TALL_CM: f32 = 3.2;
-/// Mouth width in which lengths inside the mouth are given.
+/// Lengths inside the mouth are given for a mouth of this width.
 const MOUTH_CM: f32 = 5.0;
-/// Glasses hang at least so far below the middle of the eyes, in widths of an eye.
+/// Glasses hang at least this far below the middle of the eyes, in widths of an eye.
 const BELOW_EYE: f32 = 0.3;
-/// A lens stands at least so far before the middle of the eye.
+/// A lens stands at least this far in front of the middle of the eye.
 const BEFORE_EYE_CM: f32 = 0.8;
 /// Glasses are not higher than this.
 const GLASSES_CM: f32 = 7.0;
-/// Hair is at least so large and reaches at least so far above the brows.
+/// Hair is at least this large and reaches at least this far above the brows.
 const HAIR_CM: (f32, f32) = (8.0, 3.5);
-/// A part further from any skin than this follows none.
+/// A part further from the skin than this does not follow it.
 pub(super) const REACH_CM: f32 = 4.0;
 
 /// Where eyes, brows and mouth are.
@@ -72,8 +74,8 @@ impl RoleRules {
         }
     }
 
-    /// The roles of parts, given by the points of their vertices; `skin` gives the face's surface, asked only
-    /// where it matters.
+    /// The roles of parts. `parts`: the positions of their vertices. `skin` returns the face's surface and is
+    /// called only where it is needed.
     pub(super) fn roles<'a>(
         &self,
         parts: &[Vec<[f32; 3]>],
@@ -88,7 +90,7 @@ impl RoleRules {
         .collect()
     }
 
-    /// The role of a part that is no eye.
+    /// The role of a part that is not an eye.
     fn role<'a>(&self, points: &[[f32; 3]], skin: impl Fn() -> &'a SurfaceTree) -> PartRole {
         let bounds = Box3::of(points.iter().copied());
         if self.is_in_mouth(&bounds) {
@@ -104,7 +106,7 @@ impl RoleRules {
         }
     }
 
-    /// Within the mouth's width, behind the lips.
+    /// Whether a part lies within the mouth's width and behind the lips.
     fn is_in_mouth(&self, bounds: &Box3) -> bool {
         let unit = self.mouth_unit();
         let offset = |p: [f32; 3], i: usize| (p[i] - self.mouth[i]) / unit;
@@ -125,7 +127,7 @@ impl RoleRules {
         }
     }
 
-    /// One length unit of the mouth, 1 on a human one.
+    /// The unit of lengths in the mouth, 1 on a human one.
     pub(super) fn mouth_unit(&self) -> f32 {
         self.mouth_width / MOUTH_CM
     }
@@ -164,7 +166,7 @@ mod tests {
     use super::*;
     use crate::mesh::{Mesh, canonical_landmarks};
 
-    /// The role of a box of corners; the skin is the landmarks' own plane of triangles.
+    /// The role of the corners of a box. The skin is a strip of triangles over the landmarks.
     fn role(low: [f32; 3], high: [f32; 3]) -> PartRole {
         let landmarks = canonical_landmarks().map(|p| p.map(|x| 100.0 * x));
         let skin = Mesh {
@@ -178,7 +180,7 @@ mod tests {
         RoleRules::of(&landmarks).roles(&[corners], || &tree)[0]
     }
 
-    /// A box about a landmark's or landmarks' middle, with an offset to it, centimetres.
+    /// The role of a box around the middle of some landmarks, moved by `offset`, centimetres.
     fn about(marks: &[usize], offset: [f32; 3], half: [f32; 3]) -> PartRole {
         let landmarks = canonical_landmarks().map(|p| p.map(|x| 100.0 * x));
         let chosen: Vec<[f32; 3]> = marks.iter().map(|&n| landmarks[n]).collect();

@@ -1,4 +1,4 @@
-//! The shapes of one mesh, and what came of each.
+//! The shapes of one mesh, and a report on each.
 
 use ndarray::{Array3, ArrayView2};
 use serde::Serialize;
@@ -9,33 +9,35 @@ const NEAR_ZERO_MM: f32 = 0.2;
 /// The shapes of one mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
-    /// `[S]`: the 52 of [`ARKIT`](crate::rig::ARKIT), then the 15 of [`VISEMES`](crate::rig::VISEMES); by the field of a head shapes in between may follow.
+    /// `[S]`: the 52 of [`ARKIT`](crate::rig::ARKIT), then the 15 of
+    /// [`VISEMES`](crate::rig::VISEMES). In-between shapes may follow where the field of a head
+    /// made the shapes.
     pub names: Vec<String>,
     /// `[S, V, 3]`, displacement of every vertex at strength 1, mesh units and axes.
     pub deltas: Array3<f32>,
-    /// `[S]`.
+    /// `[S]`: the report on each shape.
     pub reports: Vec<ShapeReport>,
 }
 
-/// What came of one shape.
+/// The report on one shape.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ShapeReport {
     /// Its name.
     pub name: String,
     /// Largest displacement of a vertex, mesh units.
     pub largest: f32,
-    /// The same on a human head.
+    /// The same on a human head, millimetres.
     pub largest_mm: f32,
     /// Whether anything moves visibly.
     pub present: bool,
-    /// Why nothing moves, or what does not move along.
+    /// Why nothing moves, or which parts do not move along.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
 impl ShapeReport {
-    /// Of a shape `[V, 3]` in mesh units, of which `scale` are metres on a human head; `note` is told whether it moves
-    /// visibly.
+    /// Reports on a shape `[V, 3]` in mesh units. `scale`: metres per unit on a human head. `note`
+    /// receives whether the shape moves visibly.
     pub(crate) fn of(
         name: &str,
         shape: ArrayView2<'_, f32>,

@@ -11,23 +11,23 @@ use crate::{
     operators::{NO_ROW, OperatorOptions, Operators},
 };
 
-/// A landmark further from any skin than this is an error, centimetres.
+/// A landmark further from the skin than this is an error, centimetres.
 const LOST_CM: f32 = 5.0;
 
 /// The connected parts that carry landmarks, and their operators.
 pub struct Skin {
-    /// `[V]`, whether a vertex is skin. One of collapsed faces alone is not: it follows the skin
-    /// beside it.
+    /// `[V]`, whether a vertex is skin. A vertex whose faces have all collapsed is not: it follows
+    /// the skin beside it.
     pub is_skin: Vec<bool>,
-    /// `[V]`, the vertex that stands for each when seams are sewn up.
+    /// `[V]`, for each vertex the one that stands for it when seams are sewn up.
     pub(crate) sewn: Vec<u32>,
     /// Triangles of the skin, seams sewn up, over all positions; canonical centimetres.
     pub(crate) surface: Mesh,
     /// Vertex of the surface at each landmark.
     pub(crate) landmark_vertices: [u32; LANDMARKS],
-    /// Of the surface or its proxy; `R` rows.
+    /// Operators of the surface or its proxy; `R` rows.
     pub operators: Operators,
-    /// `[V, R]`: from values at the rows to values at the skin's vertices.
+    /// `[V, R]`: carries values at the rows to the skin's vertices.
     pub spread: Prolongation,
     /// Row of each landmark.
     pub landmark_rows: [u32; LANDMARKS],
@@ -72,7 +72,7 @@ impl Skin {
     }
 }
 
-/// Triangles with three different corners.
+/// The triangles after sewing, without those that collapse.
 fn sewn_triangles(faces: &[[u32; 3]], sewn: &[u32]) -> Vec<[u32; 3]> {
     let triangles = faces.iter().map(|t| t.map(|v| sewn[v as usize]));
     triangles
@@ -80,7 +80,7 @@ fn sewn_triangles(faces: &[[u32; 3]], sewn: &[u32]) -> Vec<[u32; 3]> {
         .collect()
 }
 
-/// `[V]`, whether a vertex or the one that stands for it is a corner of the surface.
+/// `[V]`, whether the vertex that stands for each is a corner of the surface.
 fn skin_vertices(surface: &Mesh, sewn: &[u32]) -> Vec<bool> {
     let mut corner = vec![false; sewn.len()];
     let corners = surface.triangles.as_flattened().iter();
@@ -88,7 +88,8 @@ fn skin_vertices(surface: &Mesh, sewn: &[u32]) -> Vec<bool> {
     sewn.iter().map(|&v| corner[v as usize]).collect()
 }
 
-/// The vertex of the surface at each landmark: its own, or the nearest where that is not skin.
+/// The vertex of the surface at each landmark: its own, or the nearest skin where its own is not
+/// skin.
 fn landmarks_on_skin(
     surface: &Mesh,
     sewn: &[u32],
@@ -141,7 +142,7 @@ fn solved_on(
     Ok((Operators::new(&proxy.mesh, &options)?, Some(proxy)))
 }
 
-/// From the rows of the operators to the vertices of the mesh.
+/// The matrix that carries values from the rows of the operators to the vertices of the mesh.
 fn spread(
     operators: &Operators,
     proxy: Option<&Proxy>,

@@ -22,10 +22,11 @@ pub struct FaceSurface {
 }
 
 impl FaceSurface {
-    /// `proxy`: most vertices on which the skin is solved; a larger skin gets a proxy.
+    /// `proxy`: the skin is solved on a proxy of at most this many vertices. `None`: on the skin
+    /// itself.
     ///
     /// # Errors
-    /// `Mesh` if the landmarks lie on no usable face.
+    /// `Mesh` if no landmark lies on a usable face.
     pub(super) fn find(
         mesh: &Mesh,
         landmarks: &Landmarks,
@@ -50,7 +51,7 @@ impl FaceSurface {
         })
     }
 
-    /// Rows of the skin and the landmarks, decimetres: the unit of the networks.
+    /// Positions of the skin's rows and of the landmarks in decimetres, the unit of the networks.
     pub fn decimetres(&self) -> (Vec<[f32; 3]>, [[f32; 3]; LANDMARKS]) {
         let positions = self.skin.operators.positions.iter();
         (
@@ -74,7 +75,7 @@ impl FaceSurface {
             })
     }
 
-    /// Vertices of the skin that something follows, ascending.
+    /// Vertices of the skin that any vertex of the mesh follows, ascending.
     pub fn followed(&self) -> Vec<u32> {
         let mut used = vec![false; self.positions.len()];
         for follows in &self.follows {

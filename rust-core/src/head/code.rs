@@ -1,16 +1,17 @@
-//! Which head: coefficients at random, directions.
+//! The coefficients that choose a head: random ones, directions, and checks.
 
 use super::{COEFFICIENTS, Head, check};
 use crate::{Error, Result, diffusion::frame_noise};
 
-/// A coefficient beyond this, or a root mean square beyond [`FAR_ON_AVERAGE`], is far outside what was learned.
+/// A coefficient beyond this, or a root mean square beyond [`FAR_ON_AVERAGE`], is far outside the
+/// heads that were learned.
 const FAR: f32 = 5.0;
 const FAR_ON_AVERAGE: f32 = 2.0;
-/// The most that a slider may say.
+/// The largest value of a slider, to either side.
 pub(super) const SLIDER: f32 = 4.0;
 
 impl Head {
-    /// The coefficients of the head of a seed, `[100]` of N(0, 1).
+    /// Draws the coefficients of a head, `[100]`, from N(0, 1). A seed always gives the same head.
     pub fn random(seed: u64) -> Vec<f32> {
         frame_noise(seed, 0, 1, COEFFICIENTS)
             .into_raw_vec_and_offset()
@@ -20,16 +21,18 @@ impl Head {
     /// How far `coefficients` lie along each direction, `[D]`.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them or one that is not finite.
+    /// `InvalidInput` for a wrong number of coefficients or one that is not finite.
     pub fn along(&self, coefficients: &[f32]) -> Result<Vec<f32>> {
         check("coefficients", coefficients, COEFFICIENTS)?;
         Ok(self.directions.dot(&ndarray::aview1(coefficients)).to_vec())
     }
 
-    /// Gives `coefficients` the value `value` along a direction; the others stay.
+    /// Sets the value of `coefficients` along a direction. Their values along other directions
+    /// stay.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them, an unknown direction and a value outside −4 to 4.
+    /// `InvalidInput` for a wrong number of coefficients, an unknown direction or a value outside
+    /// −4 to 4.
     pub fn set_along(&self, coefficients: &mut [f32], direction: usize, value: f32) -> Result<()> {
         if !(-SLIDER..=SLIDER).contains(&value) {
             let message = format!("direction: expected -{SLIDER} to {SLIDER}, got {value}");
@@ -49,11 +52,12 @@ impl Head {
         Ok(())
     }
 
-    /// Coefficients as near to those that were learned as may be: `Err` says what lies outside, and
-    /// `pull_back` brings it back instead.
+    /// Checks that coefficients are not far outside the heads that were learned. With `pull_back`
+    /// it brings them back inside instead of failing.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them, one that is not finite, and coefficients far outside.
+    /// `InvalidInput` for a wrong number of coefficients, one that is not finite, or, without
+    /// `pull_back`, coefficients far outside.
     pub fn checked(mut coefficients: Vec<f32>, pull_back: bool) -> Result<Vec<f32>> {
         check("coefficients", &coefficients, COEFFICIENTS)?;
         let largest = coefficients
@@ -80,7 +84,7 @@ impl Head {
     /// z_id `[Z]` of coefficients `[100]`.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them or one that is not finite.
+    /// `InvalidInput` for a wrong number of coefficients or one that is not finite.
     pub fn identity_code(&self, coefficients: &[f32]) -> Result<Vec<f32>> {
         check("coefficients", coefficients, COEFFICIENTS)?;
         let mut z = vec![0.0; self.config.identity_code()];

@@ -1,10 +1,10 @@
-//! Sizes of the head; twin of `training/systems/facetalk/config.py`.
+//! Sizes of the head model; twin of `training/systems/facetalk/config.py`.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result, mesh::ibug::LANDMARKS};
 
-/// Coefficients of a head; they come from N(0, 1).
+/// Number of coefficients of a head. They are drawn from N(0, 1).
 pub const COEFFICIENTS: usize = 100;
 
 /// `config.json` beside the weights. Lengths inside the fields are metres divided by `scale_m`.
@@ -16,11 +16,11 @@ pub struct HeadConfig {
     pub model: String,
     /// "paper", "compact" or "debug".
     pub name: String,
-    /// Metres that are 1 inside the fields.
+    /// Metres per unit inside the fields.
     pub scale_m: f32,
-    /// Landmarks of mirrored anchors, the subject's right one first.
+    /// Landmarks of each pair of mirrored anchors, the subject's right one first.
     pub pairs: Vec<[usize; 2]>,
-    /// Landmarks of the anchors of the middle.
+    /// Landmarks of the anchors in the middle of the face.
     pub middle: Vec<usize>,
     /// Length `G` of the global part of z_id.
     pub global_code: usize,
@@ -30,9 +30,9 @@ pub struct HeadConfig {
     pub width: usize,
     /// Hidden layers of a local network.
     pub layers: usize,
-    /// Standard deviation of the blend.
+    /// Standard deviation of the blend's weights around an anchor, units of the field.
     pub sigma: f32,
-    /// Squared distance that the background counts as having.
+    /// Squared distance at which the background counts as lying.
     pub background: f32,
     /// A blend weight below this is zero.
     pub least_weight: f32,
@@ -40,19 +40,19 @@ pub struct HeadConfig {
     pub template_width: usize,
     /// Its hidden layers.
     pub template_layers: usize,
-    /// Octaves in which a place on the mean head is seen.
+    /// Octaves that encode a place on the mean head.
     pub octaves: usize,
-    /// Octaves in which deformations see it.
+    /// Octaves that encode it for the deformations.
     pub expression_octaves: usize,
     /// Length `X` of z_ex.
     pub expression_code: usize,
-    /// Numbers that a deformation sees of the identity.
+    /// Number of values, compressed from the identity, that a deformation receives.
     pub pressed: usize,
-    /// Width of a deformation.
+    /// Width of the network of a deformation.
     pub expression_width: usize,
     /// Its hidden layers.
     pub expression_layers: usize,
-    /// ARKit channels that have a code.
+    /// ARKit channels for which a code was learned.
     pub channels: Vec<String>,
     /// `jawOpen` of the canonical pose.
     pub open_jaw: f32,
@@ -65,9 +65,9 @@ pub struct HeadConfig {
 /// A direction in which heads differ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Direction {
-    /// What it changes most, as a tape measures it.
+    /// The measurement, taken with a tape, that it changes most.
     pub name: String,
-    /// How far the surface of the face moves at 1, root mean square.
+    /// How far the surface of the face moves at value 1, root mean square, millimetres.
     pub reach_mm: f32,
 }
 
@@ -75,7 +75,7 @@ impl HeadConfig {
     /// Reads and checks `config.json`.
     ///
     /// # Errors
-    /// `Weights` if it is not such a file or its numbers contradict each other.
+    /// `Weights` if `text` is not such a file or its numbers are not valid.
     pub fn from_json(text: &str) -> Result<Self> {
         let wrong =
             |complaint: String| Error::Weights(format!("facetalk head config.json: {complaint}"));
@@ -87,12 +87,13 @@ impl HeadConfig {
         }
     }
 
-    /// Anchors `A`.
+    /// Number of anchors `A`.
     pub fn anchors(&self) -> usize {
         2 * self.pairs.len() + self.middle.len()
     }
 
-    /// Length `Z` of z_id: the global part, one for every anchor and one for the background.
+    /// Length `Z` of z_id: the global part, one local part for every anchor and one for the
+    /// background.
     pub fn identity_code(&self) -> usize {
         self.global_code + (self.anchors() + 1) * self.local_code
     }

@@ -1,8 +1,8 @@
 //! Fits a head to a scan: finds coefficients for which the scan's points lie on the surface, eq. 17
 //! without time.
 //!
-//! [`Head::fit_scan`] says how; `identity::slopes` has the slopes. Twin of `training/systems/facetalk/fit_codes.py`,
-//! which takes differences and neither poses nor aligns.
+//! [`Head::fit_scan`] describes the method; `identity::slopes` computes the slopes. Twin of
+//! `training/systems/facetalk/fit_codes.py`, which uses finite differences and neither poses nor aligns.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use rand_chacha::{
@@ -23,22 +23,22 @@ use crate::{
 /// Usual distance of points and landmarks from a head of the model (standard deviation).
 const DISTANCE_M: f32 = 4e-4;
 const LANDMARK_M: f32 = 3e-3;
-/// Neighbouring points are not independent: only this share of their number counts.
+/// Neighbouring points are not independent, so only this share of their number counts.
 const POINT_SHARE: f32 = 0.05;
 /// Points farther off than this count less and less (Cauchy).
 const ROBUST_M: f32 = 3e-3;
 const DAMPING: f64 = 0.1;
 /// Points whose slopes are computed at a time.
 const TOGETHER: usize = 100;
-/// Points beyond this from every landmark are no face: hair, neck and shoulders.
+/// Points further than this from every landmark are not the face: hair, neck and shoulders.
 const FACE_M: f32 = 0.035;
 const LEAST_POINTS: usize = 300;
 /// Above this mean distance a scan is refused.
 const MOST_MM: f32 = 3.0;
-/// A head this many times further from the mean than usual is no head.
+/// Coefficients more than this many times further from the mean than usual do not describe a head.
 const MOST_SPREAD: f32 = 2.0;
-/// Usual size of the turns, moves and growth that the landmarks' alignment leaves over (standard
-/// deviation): radians, units of the field, share.
+/// Usual size of the turns, moves and growth that are left after the landmarks are aligned (standard
+/// deviation): radians, metres, share.
 const PLACE: [f32; 7] = [0.05, 0.05, 0.05, 0.02, 0.02, 0.02, 0.03];
 const UNKNOWN: usize = COEFFICIENTS + PLACE.len();
 
@@ -47,9 +47,9 @@ const UNKNOWN: usize = COEFFICIENTS + PLACE.len();
 pub struct ScanOptions {
     /// Steps of Gauss-Newton.
     pub steps: usize,
-    /// Points of each step, drawn anew for it.
+    /// Number of points in a step. Each step draws new ones.
     pub points: usize,
-    /// Which points are drawn.
+    /// Seed that decides which points are drawn.
     pub seed: u64,
 }
 
@@ -63,25 +63,25 @@ impl Default for ScanOptions {
     }
 }
 
-/// Root mean square. Of coefficients it says how far a head is from the mean one; randomly drawn
-/// heads have 1.
+/// Root mean square. For coefficients it says how far a head is from the mean one; random heads have
+/// about 1.
 fn rms(values: &[f32]) -> f32 {
     (values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32).sqrt()
 }
 
-/// The head that is like a scan.
+/// A head fitted to a scan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScanFit {
     /// `[100]`.
     #[serde(skip)]
     pub coefficients: Vec<f32>,
-    /// Distance of the scan's face from the head, mean.
+    /// Mean distance of the scan's face from the head.
     pub mean_mm: f32,
     /// Nine of ten points lie nearer than this.
     pub most_mm: f32,
-    /// Points of the scan that are its face.
+    /// Number of points of the scan that belong to the face.
     pub points: usize,
-    /// Metres of the scan's unit on a head of human size.
+    /// Metres per unit of the scan on a head of human size.
     pub metres_per_unit: f64,
     /// From the scan's frame to the head's, metres.
     #[serde(skip)]
@@ -92,10 +92,10 @@ pub struct ScanFit {
 }
 
 impl ScanFit {
-    /// Of a head whose surface lies `distances` away from the points of the scan's face, metres.
+    /// Checks a fit. `distances`: from the head's surface to the points of the scan's face, metres.
     ///
     /// # Errors
-    /// `InvalidInput` where they are too large or the coefficients are those of no head.
+    /// `InvalidInput` where the distances are too large or the coefficients do not describe a head.
     fn checked(
         coefficients: Vec<f32>,
         mut distances: Vec<f32>,
@@ -135,35 +135,39 @@ fn wrong(complaint: String) -> Error {
 }
 
 impl Head {
-    /// The head that is like a scan of a face at rest. `points`: `[P]` in the scan's units and axes.
+    /// Fits a head to a scan of a face at rest. `points`: `[P]` in the scan's units and axes.
     ///
-    /// The unknowns are 100 coefficients, which have the prior N(0, 1), and a similarity of seven numbers from the
-    /// scan to the head. Gauss-Newton finds both together, so that the scan lies on the head's surface.
+    /// The unknowns are 100 coefficients, which have the prior N(0, 1), and a similarity of seven numbers
+    /// from the scan to the head. Gauss-Newton finds both together, so that the scan lies on the head's
+    /// surface.
     ///
-    /// 1. The landmarks give the first similarity. Points within 3.5 cm of a landmark are the face; hair, neck and
-    ///    shoulders are left out.
-    /// 2. The first step uses the landmarks alone: where the head's own landmarks lie at rest, less those of the scan.
-    ///    It brings the head near enough for distances to mean something.
-    /// 3. Each of the next `steps` draws `options.points` of the face anew. The backward field brings them to the
-    ///    canonical pose. Their signed distance there is what is to become 0, and the chain rule gives its slopes.
-    /// 4. Every residual adds a row to the normal equations of the 107 unknowns, which Cholesky solves. Points count by
-    ///    Cauchy's weight, so that far ones count less and less. The landmarks stay in every step as a guide.
-    /// 5. The distances of all points of the face decide in the end whether the fit is good.
+    /// 1. The landmarks give the first similarity. Points within 3.5 cm of a landmark are the face; hair,
+    ///    neck and shoulders are left out.
+    /// 2. The first step uses the landmarks alone: the residuals are the head's own landmarks at rest minus
+    ///    those of the scan. This brings the head near enough for distances to mean something.
+    /// 3. Each of the next `options.steps` steps draws `options.points` new points of the face. The backward
+    ///    field brings them to the canonical pose. Their signed distance there should become 0, and the chain
+    ///    rule gives its slopes.
+    /// 4. Every residual adds a row to the normal equations of the 107 unknowns, which Cholesky solves.
+    ///    Points have Cauchy weights, so that far ones count less and less. The landmarks stay in every step
+    ///    as a guide.
+    /// 5. In the end the distances of all points of the face decide whether the fit is good.
     ///
-    /// A step costs one evaluation of the field with its slopes for each drawn point, in blocks on all cores, and 107²
-    /// products for each residual. The last check costs one distance for each point of the face.
+    /// A step costs one evaluation of the field with its slopes for each drawn point, in blocks on all cores,
+    /// and 107² products for each residual. The last check costs one distance for each point of the face.
     ///
-    /// Not obvious: the slopes neglect how the forward and backward fields change with the coefficients, and how the
-    /// backward field turns and stretches. The residuals are exact, so this costs steps and no accuracy where the
-    /// steps converge. Neighbouring points are not independent. So each counts only a twentieth, or the prior would
-    /// have no effect. The prior of the similarity acts on each step and not on their sum.
+    /// Not obvious: the slopes neglect how the forward and backward fields change with the coefficients, and
+    /// how the backward field turns and stretches. The residuals are exact, so this costs extra steps but no
+    /// accuracy where the steps converge. Neighbouring points are not independent. So each counts only a
+    /// twentieth; otherwise the prior would have no effect. The prior of the similarity acts on each step and
+    /// not on their sum.
     ///
     /// The same seed gives the same points and the same fit.
     ///
     /// # Errors
-    /// `InvalidInput` for points that are not finite, for fewer than 300 points on the face, and,
-    /// with the distance, where the fit stays above 3 mm or the result is no head. `FaceNotFound`
-    /// for landmarks of no face. `Cancelled`.
+    /// `InvalidInput` for points that are not finite, for fewer than 300 points on the face, and where
+    /// the fit stays above 3 mm or the result is not a head (these name the distance). `FaceNotFound`
+    /// for landmarks that do not form a face. `Cancelled`.
     pub fn fit_scan(
         &self,
         points: &[[f32; 3]],
@@ -256,7 +260,7 @@ impl Head {
         Ok(())
     }
 
-    /// How far the landmarks move in the canonical pose with each coefficient, metres, `[100, 68 · 3]`.
+    /// How far each coefficient moves the landmarks in the canonical pose, metres, `[100, 68 · 3]`.
     fn landmark_slopes(&self) -> Vec<f32> {
         let global_weight = self.identity_code.weight();
         let global_weight = global_weight.subcols(0, self.config.global_code);
@@ -268,13 +272,13 @@ impl Head {
     }
 }
 
-/// Distances of points and how they change, metres.
+/// Distances of points, metres, and their slopes.
 pub(super) struct PointSlopes {
     /// `[Q]`.
     pub(super) distance: Vec<f32>,
-    /// With the point, `[Q]`.
+    /// Slopes with the point, `[Q]`.
     pub(super) place: Vec<[f32; 3]>,
-    /// With the coefficients, `[Q, 100]`.
+    /// Slopes with the coefficients, `[Q, 100]`.
     pub(super) coefficients: Vec<f32>,
 }
 
@@ -292,7 +296,7 @@ impl PointSlopes {
 }
 
 impl OneHead<'_> {
-    /// At canonical points `[Q]`, on the calling thread.
+    /// Distances and slopes at canonical points `[Q]`, computed on the calling thread.
     pub(super) fn point_slopes(&self, slopes: &IdentitySlopes, points: &[[f32; 3]]) -> PointSlopes {
         let field = slopes.at(&self.field, &self.inside(points));
         let of_code = matrix::rows_of(&field.code, self.head.config.identity_code());
@@ -311,7 +315,7 @@ impl OneHead<'_> {
 /// Points of the scan that lie near its landmarks, in its own units.
 ///
 /// # Errors
-/// `InvalidInput` for too few of them.
+/// `InvalidInput` for too few points.
 fn face_points(
     points: &[[f32; 3]],
     landmarks: &Landmarks,
@@ -337,7 +341,7 @@ fn face_points(
     }
 }
 
-/// How a point moves under small turns about the axes, under moves along them and under growth.
+/// How a point moves under small turns about the axes, moves along them and growth.
 fn motion_of([x, y, z]: [f32; 3]) -> [[f32; 3]; 7] {
     [
         [0.0, -z, y],
@@ -350,7 +354,7 @@ fn motion_of([x, y, z]: [f32; 3]) -> [[f32; 3]; 7] {
     ]
 }
 
-/// The similarity of a small step; its turn is made orthonormal.
+/// The similarity of a small step. Its rotation is orthonormal.
 fn moved_by(way: &[f32]) -> Similarity {
     let [x, y, z] = [0, 1, 2].map(|n| f64::from(way[n]));
     let angle = (x * x + y * y + z * z).sqrt().max(1e-12);
@@ -374,7 +378,7 @@ fn moved_by(way: &[f32]) -> Similarity {
     }
 }
 
-/// Normal equations under the prior.
+/// Normal equations that include the prior.
 struct System {
     gram: Vec<f64>,
     right: Vec<f64>,
@@ -394,7 +398,7 @@ impl System {
         System { gram, right }
     }
 
-    /// A residual and its slopes `[107]`.
+    /// Adds a residual and its slopes `[107]`.
     fn add(&mut self, row: &[f32], residual: f32) {
         for (i, x) in row.iter().enumerate() {
             let x = f64::from(*x);
@@ -419,7 +423,7 @@ impl System {
     }
 }
 
-/// The warning about a scan in other units than metres.
+/// The warning about a scan that is not in metres.
 fn unit_note(scale: f64) -> Option<String> {
     let unit = match scale {
         0.0005..0.002 => "millimetres",

@@ -1,8 +1,9 @@
-//! The canonical field `I(x; z) = T(x + D(x; z))`: the mean head `T`, and `D`, the offset of a
-//! point from the same point of the mean head. `D` is a blend of small networks at anchors.
+//! The canonical field `I(x; z) = T(x + D(x; z))`: `T` is the mean head, and `D` is the offset from
+//! a point to the same point of the mean head. `D` is a blend of small networks at anchors.
 //!
-//! Anchors, frames, mirrored pairs and blend of NPHM (Giebenhain et al. 2023, §3.2); twin of
-//! `training/systems/facetalk/identity.py`. A point asks only the networks whose blend weight is not zero.
+//! The anchors, frames, mirrored pairs and the blend are those of NPHM (Giebenhain et al. 2023,
+//! §3.2). Twin of `training/systems/facetalk/identity.py`. At a point only the networks whose blend
+//! weight is not zero are evaluated.
 
 pub(super) mod slopes;
 
@@ -28,11 +29,11 @@ pub(super) struct Identity {
     template: Template,
 }
 
-/// The field of one head, in units of the field.
+/// The canonical field of one head, in units of the field.
 pub(super) struct IdentityField<'a> {
     config: &'a HeadConfig,
     identity: &'a Identity,
-    /// `[68]`, of the canonical pose.
+    /// `[68]`, in the canonical pose.
     pub landmarks: Vec<[f32; 3]>,
     /// `[A]`.
     pub anchors: Vec<[f32; 3]>,
@@ -70,12 +71,12 @@ impl Identity {
         })
     }
 
-    /// How landmarks follow the code's own part, units of the field, `[G, 68 · 3]`.
+    /// How landmarks follow the global part of the code, units of the field, `[G, 68 · 3]`.
     pub fn landmarks(&self) -> MatRef<'_, f32> {
         self.landmarks.weight()
     }
 
-    /// The field of the head of `z` `[Z]`.
+    /// The field of the head with the code `z` `[Z]`.
     pub fn of<'a>(&'a self, config: &'a HeadConfig, z: &[f32]) -> IdentityField<'a> {
         let (global, local) = z.split_at(config.global_code);
         let mut places = vec![0.0; 3 * LANDMARKS];
@@ -110,7 +111,7 @@ impl Identity {
     }
 }
 
-/// Which network an anchor asks: both of a pair ask the same, the background the last.
+/// The network of an anchor. Both anchors of a pair share one, and the background has the last.
 fn network_of(config: &HeadConfig, anchor: usize) -> usize {
     let pairs = config.pairs.len();
     match anchor < 2 * pairs {
@@ -159,7 +160,7 @@ impl IdentityField<'_> {
         self.identity.template.forward(&encoded, points.len())
     }
 
-    /// Some points in the frame of the network at an anchor.
+    /// Some points in the frame of an anchor's network.
     fn framed(&self, anchor: usize, points: &[[f32; 3]], rows: &[usize], side: f32) -> Vec<f32> {
         let mut frame = Vec::with_capacity(3 * rows.len());
         for row in rows {
@@ -176,8 +177,8 @@ impl IdentityField<'_> {
         }
     }
 
-    /// How near points are to the anchors and the background, `[Q, A + 1]`, before the rows become
-    /// shares.
+    /// How near points are to the anchors and the background, `[Q, A + 1]`, before a softmax turns
+    /// each row into shares.
     fn closeness(&self, points: &[[f32; 3]]) -> Vec<f32> {
         let sharpness = -0.5 / (self.config.sigma * self.config.sigma);
         let mut out = Vec::with_capacity(points.len() * self.locals.len());

@@ -1,8 +1,8 @@
-//! Codes under which the landmarks of a head go where a performance puts them.
+//! Codes that move a head's landmarks to where a performance puts them.
 //!
-//! Emotion, articulation, blinks and contacts are laid over the landmarks of a take. A surface moves by codes alone, so
-//! each frame's code is led by its landmarks: damped least squares on those of the mean head, from the code that
-//! was sampled.
+//! Emotion, articulation, blinks and contacts are added to the landmarks of a take. A surface moves
+//! by codes alone. So damped least squares fits each frame's code to the frame's landmarks,
+//! starting from the sampled code. It compares the landmarks of the mean head.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use ndarray::{Array2, ArrayView2, ArrayView3};
@@ -15,18 +15,18 @@ use crate::{
 };
 
 const COORDINATES: usize = 3 * LANDMARKS;
-/// By so much a code changes to see what that does to landmarks.
+/// Change of each number of the code that measures its effect on the landmarks.
 const DIFFERENCE: f32 = 0.02;
-/// Of the mean square of what a code does to landmarks, added for each code.
+/// Damping of the least squares: this share of the normal matrix's mean diagonal is added to it.
 const DAMPING: f64 = 0.02;
 const ROUNDS: usize = 4;
 
 impl Head {
-    /// Codes `[T, X]` near `codes` under which the landmarks of the mean head move as `landmarks` say, `[T, 68, 3]`
-    /// canonical metres from rest, as nearly as codes can.
+    /// Codes `[T, X]` near `codes` that bring the landmarks of the mean head as close as possible
+    /// to `landmarks`, `[T, 68, 3]` canonical metres from rest.
     ///
     /// # Errors
-    /// `InvalidInput` for codes of another length, `Cancelled`.
+    /// `InvalidInput` for codes of another length; `Cancelled`.
     pub fn led_codes(
         &self,
         codes: ArrayView2<'_, f32>,
@@ -53,7 +53,8 @@ impl Head {
     }
 }
 
-/// From what landmarks lack, metres, to changes of the codes that give it: `[X, 204]`, damped least squares about rest.
+/// Matrix `[X, 204]` that turns missing displacements of landmarks, metres, into changes of the
+/// code: damped least squares, linear about rest.
 fn pull(places: &Mover<'_>, rest_code: &[f32], rest: &[[f32; 3]]) -> Result<Mat<f64>> {
     let mut columns = Vec::with_capacity(rest_code.len());
     for x in 0..rest_code.len() {

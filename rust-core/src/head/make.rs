@@ -15,17 +15,17 @@ use crate::{
 pub struct MadeHead {
     /// The skin, then the parts. A quad is two triangles.
     pub mesh: Mesh,
-    /// The same as faces; the last corner of a triangle comes twice.
+    /// The same surface as faces. A triangle repeats its last corner.
     pub faces: Vec<[u32; 4]>,
-    /// Texture places of the corners of the skin's faces; none for a surface of the field.
+    /// Texture coordinates at the corners of the skin's faces; empty for a surface of the field.
     pub uv: Vec<[[f32; 2]; 4]>,
-    /// On vertices of the skin.
+    /// Landmarks, each on a vertex of the skin.
     pub landmarks: Landmarks,
-    /// The vertices of a surface of the field in the canonical pose; none for a head of quads.
+    /// The vertices in the canonical pose, for a surface of the field; empty for a head of quads.
     pub canonical: Vec<[f32; 3]>,
-    /// Names of the objects and their vertices.
+    /// Names of the objects, each with its vertices.
     pub objects: Vec<(String, Range<usize>)>,
-    /// Names of materials and their faces.
+    /// Names of materials, each with a range of faces.
     pub materials: Vec<(String, Range<usize>)>,
 }
 
@@ -33,8 +33,8 @@ impl OneHead<'_> {
     /// The surface of this head's field, with `resolution` cells along the longest side of the grid.
     ///
     /// # Errors
-    /// `InvalidInput` for a resolution under 32, above 4096 or that would take more than 1 GiB, and for a code
-    /// without a surface; `Cancelled`.
+    /// `InvalidInput` for a resolution below 32, above 4096 or so high that it needs more than 1
+    /// GiB, and for a code without a surface; `Cancelled`.
     pub fn mesh(&self, resolution: usize, progress: ProgressFn<'_>) -> Result<MadeHead> {
         let least = *SURFACE_CELLS.start();
         if resolution < least {
@@ -97,7 +97,8 @@ impl OneHead<'_> {
         }
     }
 
-    /// Moves the vertex nearest to each landmark onto it. Returns the vertices' numbers.
+    /// Moves the nearest vertex that is still free onto each landmark. Returns the vertices'
+    /// numbers.
     fn put_on_vertices(&self, vertices: &mut [[f32; 3]]) -> [u32; LANDMARKS] {
         let places = self.on_surface(self.landmarks());
         let mut chosen = [u32::MAX; LANDMARKS];
@@ -115,8 +116,7 @@ impl OneHead<'_> {
         chosen
     }
 
-    /// Moves canonical points near the surface onto it by three of Newton's steps along the
-    /// gradient.
+    /// Moves canonical points near the surface onto it with three Newton steps along the gradient.
     pub fn on_surface(&self, mut points: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         for _ in 0..3 {
             let (here, gradients) = (self.distance(&points), self.gradient(&points));
@@ -129,7 +129,8 @@ impl OneHead<'_> {
     }
 }
 
-/// The connected piece with most triangles: a learned field has specks of surface beside a head.
+/// The connected piece with the most triangles. A learned field has specks of surface beside a
+/// head.
 fn largest_piece(mesh: &Mesh) -> Mesh {
     let pieces = Parts::of(mesh.positions.len(), &mesh.triangles);
     let piece = |t: &[u32; 3]| pieces.of_vertex[t[0] as usize];
@@ -158,12 +159,12 @@ fn squared(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 impl MadeHead {
-    /// How many of the vertices are skin.
+    /// Number of vertices of the skin.
     pub fn skin_vertices(&self) -> usize {
         self.objects.first().map_or(0, |(_, skin)| skin.len())
     }
 
-    /// The mesh as an OBJ with its objects, materials and texture places, metres.
+    /// The mesh in metres as OBJ text, with its objects, materials and texture coordinates.
     pub fn to_obj(&self) -> String {
         let mut text = String::from(
             "# A head made by Anyface; metres, +x subject's left, +y up, +z forward\n",

@@ -1,4 +1,5 @@
-//! Heads from numbers: the coefficients of the field's identities, and traits that only the mesh of quads has.
+//! Makes heads from numbers: the coefficients of the field's identities, and traits, which only the
+//! quad mesh has.
 
 use std::path::Path;
 
@@ -13,7 +14,7 @@ pub struct HeadMaker {
 }
 
 impl HeadMaker {
-    /// With the built-in models, or those of `folder`.
+    /// Opens the built-in models, or those in `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -24,22 +25,22 @@ impl HeadMaker {
         })
     }
 
-    /// The field.
+    /// The head's field.
     pub fn head(&self) -> &Head {
         &self.head
     }
 
-    /// The quads.
+    /// The quad mesh.
     pub fn topology(&self) -> &Topology {
         &self.topology
     }
 
-    /// How many numbers a head is, `N`.
+    /// How many numbers describe a head, `N`.
     pub fn count(&self) -> usize {
         COEFFICIENTS + self.topology.traits().len()
     }
 
-    /// The numbers of the head of a seed; the coefficients are those of [`Head::random`].
+    /// Random numbers of a head from a seed. The coefficients are those of [`Head::random`].
     pub fn random(&self, seed: u64) -> Vec<f32> {
         let traits = frame_noise(seed, 1, 1, self.topology.traits().len());
         let mut numbers = Head::random(seed);
@@ -47,12 +48,12 @@ impl HeadMaker {
         numbers
     }
 
-    /// Checks the numbers of a head. Coefficients alone get traits of 0. `pull_back` brings numbers
-    /// outside of the learned range back into it.
+    /// Checks the numbers of a head. If only coefficients are given, all traits are 0. `pull_back`
+    /// brings numbers outside the learned range back into it.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them, one that is not finite, and without `pull_back` for one that is
-    /// far outside.
+    /// `InvalidInput` for a wrong count or a number that is not finite; without `pull_back` also
+    /// for numbers far outside the learned range.
     pub fn checked(&self, mut numbers: Vec<f32>, pull_back: bool) -> Result<Vec<f32>> {
         if numbers.len() != COEFFICIENTS {
             check("numbers of a head", &numbers, self.count())?;
@@ -72,10 +73,10 @@ impl HeadMaker {
         Ok(checked)
     }
 
-    /// The numbers between `a` and `b`: share 0 is `a`, share 1 is `b`.
+    /// Mixes the numbers of two heads linearly: share 0 is `a`, share 1 is `b`.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them, ones that are not finite and a share outside 0 to 1.
+    /// `InvalidInput` for a wrong count, a number that is not finite or a share outside 0 to 1.
     pub fn mixture(&self, a: &[f32], b: &[f32], share: f32) -> Result<Vec<f32>> {
         check("numbers of a head", a, self.count())?;
         check("numbers of a head", b, self.count())?;
@@ -86,18 +87,18 @@ impl HeadMaker {
         Ok(a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect())
     }
 
-    /// Names of the sliders `[D]`: traits, then the directions in which the coefficients differ, the one that moves the
-    /// surface furthest first.
+    /// Names of the sliders `[D]`: the traits, then the directions of the coefficients, starting
+    /// with the one that moves the surface furthest.
     pub fn directions(&self) -> impl Iterator<Item = &str> {
         let of_field = self.head.config.directions.iter();
         let traits = self.topology.traits().iter().map(String::as_str);
         traits.chain(of_field.map(|direction| direction.name.as_str()))
     }
 
-    /// The number of a slider, by its name.
+    /// Finds the number of a slider by its name.
     ///
     /// # Errors
-    /// `InvalidInput` for an unknown name, with the known ones.
+    /// `InvalidInput` for an unknown name; the message lists the known ones.
     pub fn direction(&self, name: &str) -> Result<usize> {
         let plain_name = name.replace(['_', '-'], " ");
         let named = self.directions().position(|known| known == plain_name);
@@ -111,10 +112,10 @@ impl HeadMaker {
         })
     }
 
-    /// Where each slider stands, `[D]`.
+    /// The value of each slider, `[D]`.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them or one that is not finite.
+    /// `InvalidInput` for a wrong count or a number that is not finite.
     pub fn along(&self, numbers: &[f32]) -> Result<Vec<f32>> {
         check("numbers of a head", numbers, self.count())?;
         let (coefficients, traits) = numbers.split_at(COEFFICIENTS);
@@ -126,7 +127,7 @@ impl HeadMaker {
     /// Sets a slider; the others stay.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of numbers, an unknown slider and a value outside −4 to 4.
+    /// `InvalidInput` for a wrong count, an unknown slider or a value outside −4 to 4.
     pub fn set_along(&self, numbers: &mut [f32], direction: usize, value: f32) -> Result<()> {
         check("numbers of a head", numbers, self.count())?;
         let traits = self.topology.traits().len();
@@ -142,19 +143,20 @@ impl HeadMaker {
         Ok(())
     }
 
-    /// The head at rest as clean quads; `parts` are eyes, teeth, tongue, lashes and brows.
+    /// The head at rest as clean quads. `parts` adds eyes, teeth, tongue, lashes and brows.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of numbers or one that is not finite.
+    /// `InvalidInput` for a wrong count or a number that is not finite.
     pub fn mesh(&self, numbers: &[f32], parts: bool) -> Result<MadeHead> {
         self.topology.mesh(numbers, parts)
     }
 
-    /// The surface of the field at rest, with `resolution` cells along the longest side of the grid. It knows the
-    /// coefficients alone: traits leave it as it is.
+    /// The surface of the field at rest, with `resolution` cells along the longest side of the
+    /// grid. It depends on the coefficients alone; traits do not change it.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of numbers, and as [`super::OneHead::mesh`]; `Cancelled`.
+    /// `InvalidInput` for a wrong count or a number that is not finite; those of
+    /// [`super::OneHead::mesh`].
     pub fn surface(
         &self,
         numbers: &[f32],

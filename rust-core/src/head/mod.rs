@@ -1,8 +1,8 @@
 //! The parametric head of FaceTalk, `F(x, z_id, z_ex) = I(x + E(x; z_id, z_ex); z_id)` (Aneja et al. 2023,
 //! eq. 1 and §5), and heads made with it.
 //!
-//! Twin of `training/systems/facetalk/head.py`. The canonical pose has the jaw open by
-//! [`HeadConfig::open_jaw`], where no two lips lie in one place; its expression has the code 0. Points and
+//! Twin of `training/systems/facetalk/head.py`. In the canonical pose the jaw is open by
+//! [`HeadConfig::open_jaw`], so that the lips do not coincide. Its expression code is 0. Points and
 //! distances are canonical metres.
 
 mod code;
@@ -43,11 +43,11 @@ use crate::{
 /// The built-in weights.
 #[cfg(feature = "facetalk")]
 pub static MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_facetalk::FACETALK_COMPACT, "facetalk");
-/// Weights that a folder may bring.
+/// Not in this build: a folder may provide the weights.
 #[cfg(not(feature = "facetalk"))]
 pub static MODEL: BuiltIn = BuiltIn::absent("facetalk_compact", Some("facetalk"));
 
-/// Points that are moved at a time.
+/// Points in one block of parallel work.
 const BLOCK: usize = 1024;
 
 /// The weights of the field, its deformations and the maps to codes.
@@ -63,13 +63,13 @@ pub struct Head {
     directions: Array2<f32>,
 }
 
-/// Posed points to canonical ones, or back.
+/// Maps posed points to canonical ones, or back.
 struct Deformation {
     press: Linear,
     network: Network,
 }
 
-/// One head: its identity is chosen.
+/// One head, with a fixed identity.
 pub struct OneHead<'a> {
     head: &'a Head,
     z: Vec<f32>,
@@ -89,17 +89,17 @@ pub struct Mover<'a> {
     trunks: Trunks,
 }
 
-/// What moving points of one head needs in addition to the weights.
+/// Precomputed values that moving points of one head needs in addition to the weights.
 struct Trunks {
     points: Vec<[f32; 3]>,
-    /// The identity as the forward field gets it.
+    /// The identity, compressed for the forward field.
     pressed: Vec<f32>,
     /// For each block of points, the output of the layers before the code joins.
     blocks: Vec<Vec<f32>>,
 }
 
 impl Head {
-    /// The built-in head, or that of `folder`.
+    /// Opens the built-in head, or the one in `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -109,7 +109,7 @@ impl Head {
         Head::new(config, &Weights::from_bytes(&files.weights)?)
     }
 
-    /// From the parts of a model.
+    /// Builds a head from the parts of a model.
     ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
@@ -134,7 +134,7 @@ impl Head {
         })
     }
 
-    /// Sizes and names.
+    /// Sizes and names of the model.
     pub fn config(&self) -> &HeadConfig {
         &self.config
     }
@@ -142,7 +142,7 @@ impl Head {
     /// z_ex `[X]` of ARKit weights `[M]` in the order of [`HeadConfig::channels`]; all 0 is the face at rest.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them or one that is not finite.
+    /// `InvalidInput` for a wrong count or a number that is not finite.
     pub fn expression_code(&self, weights: &[f32]) -> Result<Vec<f32>> {
         check("expression weights", weights, self.config.channels.len())?;
         let from_open = weights.iter().zip(&self.config.channels).map(|(w, name)| {
@@ -176,7 +176,7 @@ impl Head {
         Ok(field.network.prepare(code.view()))
     }
 
-    /// Points moved by as many displacements in units of the field.
+    /// Moves each of the points by its own displacement, given in units of the field.
     fn moved(&self, points: &[[f32; 3]], by: &[f32]) -> Vec<[f32; 3]> {
         let metres = self.config.scale_m;
         let rows = points.iter().zip(by.as_chunks::<3>().0);
@@ -184,10 +184,11 @@ impl Head {
             .collect()
     }
 
-    /// Landmarks of the mean head ready for many poses, and where they lie at rest, `[68]` canonical metres.
+    /// The landmarks of the mean head, ready for many poses, and their rest positions, `[68]`
+    /// canonical metres.
     ///
     /// # Errors
-    /// None for a head that could be opened.
+    /// Never fails for a head that could be opened.
     pub fn mean_landmarks(&self) -> Result<(Mover<'_>, Vec<[f32; 3]>)> {
         let mean = self.one(self.identity_code(&[0.0; COEFFICIENTS])?)?;
         let landmarks = mean.mover(mean.landmarks());
@@ -195,7 +196,7 @@ impl Head {
         Ok((landmarks, rest))
     }
 
-    /// The head of `z` `[Z]`.
+    /// The head with the identity code `z`, `[Z]`.
     ///
     /// # Errors
     /// `InvalidInput` for a code of another length or one that is not finite.
@@ -234,7 +235,7 @@ fn in_blocks<T: Send>(
     blocks.into_iter().flatten().collect()
 }
 
-/// Gradient of a distance at points `[Q]`, by differences over a millimetre.
+/// Gradient of a distance at points `[Q]`, by central differences over a millimetre.
 fn slopes(points: &[[f32; 3]], distance: impl Fn(&[[f32; 3]]) -> Vec<f32>) -> Vec<[f32; 3]> {
     const STEP: f32 = 5e-4;
     let sides: Vec<[f32; 3]> = points
@@ -277,7 +278,8 @@ impl<'a> OneHead<'a> {
         places.map(|at| at.map(|x| x * self.metres())).collect()
     }
 
-    /// Places of the anchors, `[A]`: pairs one after another, then the middle.
+    /// Positions of the anchors, `[A]`: the pairs one after another, then the anchors in the
+    /// middle.
     pub fn anchors(&self) -> Vec<[f32; 3]> {
         let places = self.field.anchors.iter();
         places.map(|at| at.map(|x| x * self.metres())).collect()
@@ -324,7 +326,7 @@ impl<'a> OneHead<'a> {
         self.head.prepared(field, expression, &self.pressed(field))
     }
 
-    /// The identity as a deformation gets it.
+    /// The identity, compressed for a deformation.
     fn pressed(&self, field: &Deformation) -> Vec<f32> {
         let anchors = self.field.anchors.iter().flatten();
         let inputs: Vec<f32> = self.z.iter().chain(anchors).copied().collect();
@@ -340,7 +342,7 @@ impl<'a> OneHead<'a> {
         )
     }
 
-    /// Canonical points `[V]` ready for many poses.
+    /// Prepares canonical points `[V]` for many poses.
     pub fn mover(&self, points: Vec<[f32; 3]>) -> Mover<'a> {
         Mover {
             head: self.head,
@@ -367,7 +369,7 @@ impl<'a> OneHead<'a> {
 }
 
 impl Mover<'_> {
-    /// The points in the pose of `expression` `[X]`, `[V]`.
+    /// The points `[V]` in the pose of `expression` `[X]`.
     ///
     /// # Errors
     /// `InvalidInput` for a code of another length or one that is not finite.
@@ -391,12 +393,12 @@ impl Trunks {
 }
 
 impl PosedHead<'_> {
-    /// Canonical points `[Q]` in this pose.
+    /// Moves canonical points `[Q]` to this pose.
     pub fn forward(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         self.through(&self.forward, points)
     }
 
-    /// Points `[Q]` of this pose in the canonical one.
+    /// Moves points `[Q]` of this pose to the canonical pose.
     pub fn backward(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         self.through(&self.backward, points)
     }

@@ -1,4 +1,4 @@
-//! Layers that a point enters twice and a code up to three times.
+//! Networks that a point enters twice and a code up to three times.
 //!
 //! Twin of `training/systems/facetalk/network.py`. The contribution of a code is the same for all
 //! points of a head (or a frame). So it is computed once, as rows to add and as a part of the last
@@ -35,7 +35,7 @@ pub(super) fn encode(points: &[[f32; 3]], octaves: usize) -> Vec<f32> {
     out
 }
 
-/// Numbers for one point.
+/// Length of one encoded point.
 pub(super) fn encoded(octaves: usize) -> usize {
     3 + 6 * octaves
 }
@@ -68,7 +68,7 @@ pub(super) struct Shape<'a> {
     pub code_layers: &'a [usize],
 }
 
-/// Point and code → hidden layers; the point joins again at the layer in the middle.
+/// Hidden layers that take a point and a code. The point enters again at the middle layer.
 pub(super) struct Network {
     point: [Layer; 2],
     code: Vec<(usize, Array2<f32>)>,
@@ -78,10 +78,10 @@ pub(super) struct Network {
     out_code: Array2<f32>,
 }
 
-/// A network for one head: the contribution of its code is computed.
+/// A network for one code, whose contribution is already computed.
 pub(super) struct Prepared<'a> {
     network: &'a Network,
-    /// What is added before each activation.
+    /// The row that is added before each activation.
     rows: Vec<Vec<f32>>,
     out: Layer,
 }
@@ -115,7 +115,7 @@ impl Network {
         })
     }
 
-    /// `code`: `[C]`.
+    /// Computes the contribution of `code`, `[C]`.
     pub fn prepare(&self, code: ArrayView1<'_, f32>) -> Prepared<'_> {
         let biases = std::iter::once(&self.point[0]).chain(&self.hidden);
         let mut rows: Vec<Vec<f32>> = biases.map(|layer| layer.bias.clone()).collect();
@@ -197,7 +197,7 @@ impl Prepared<'_> {
     }
 }
 
-/// The signed distance of one head, the mean in its canonical pose, in units of the field.
+/// The signed distance from the mean head in its canonical pose, in units of the field.
 pub(super) struct Template {
     layers: Vec<Layer>,
 }
@@ -214,7 +214,7 @@ impl Template {
         })
     }
 
-    /// Encoded places on the mean head `[Q, 3 + 6 · octaves]` → `[Q]`.
+    /// Encoded places on the mean head `[Q, 3 + 6 · octaves]` → distances `[Q]`.
     pub fn forward(&self, x: &[f32], points: usize) -> Vec<f32> {
         let mut h = x.to_vec();
         for (number, layer) in self.layers.iter().enumerate() {

@@ -1,34 +1,40 @@
-//! The field on the vertices of a mesh: where each vertex lies in the canonical pose of the head
-//! most like the mesh, and how far an expression moves it from there.
+//! Moves the vertices of a mesh by the field: finds where each vertex lies in the canonical pose of
+//! the head most like the mesh, and how far an expression moves it from there.
 //!
-//! FaceTalk's codes move a head that has no vertices: its forward field takes any canonical point to where an
-//! expression has it. A mesh follows the field once it is known which canonical point each of its vertices is.
+//! FaceTalk's codes move a head that has no vertices: its forward field takes any canonical point
+//! to its place in an expression. A mesh can follow the field once the canonical point of each
+//! vertex is known.
 //!
-//! Once for a face ([`Placed`], which the cache keeps):
-//! 1. [`Head::fit_scan`] finds the head most like the face at rest, and the similarity from the mesh to that head.
+//! Once for a face (the result is [`Placed`], which the cache keeps):
+//! 1. [`Head::fit_scan`] finds the head most like the face at rest, and the similarity from the
+//!    mesh to that head.
 //! 2. [`canonical_points`] finds the canonical point of each vertex of the skin.
-//! 3. Each vertex gets a share by which it follows the field. The share falls to 0 between [`NEAR_M`] and [`FAR_M`]
-//!    away from the head's surface, and towards the landmarks of lids and lips, as [`BEYOND_M`] says. It is evened
-//!    out over neighbours. Copies at seams, lashes and brows follow the skin that they are bound to.
+//! 3. Each vertex gets the share with which it follows the field. The share falls to 0 between
+//!    [`NEAR_M`] and [`FAR_M`] away from the head's surface, and towards the landmarks of eyelids
+//!    and lips, as [`BEYOND_M`] says. Shares are then averaged over neighbours. Copies at seams,
+//!    lashes and brows follow the skin that they are bound to.
 //!
-//! In each frame ([`CodeField::beyond`]): the field's displacement of a vertex is where it takes the canonical point
-//! under the code, less where it takes it at rest, turned back to the mesh's axes and units and scaled by the
-//! smoothing of eq. 15. The result is the share of this, less the same share of the motion that the code's own
-//! landmarks give. The caller adds it to the motion of landmarks, so that a vertex goes from following landmarks to
-//! following the field as its share grows.
+//! In each frame ([`CodeField::beyond`]): the forward field takes the canonical point of a vertex
+//! to one place under the code and to another at rest. The difference, turned back to the mesh's
+//! axes and units and scaled by the smoothing of eq. 15, is the field's displacement. The result is
+//! the vertex's share of this displacement, less the same share of the motion that the code's own
+//! landmarks give. The caller adds the result to the motion of landmarks. So as its share grows, a
+//! vertex goes from following landmarks to following the field.
 //!
-//! The code joins the forward field only before its last activation. All layers up to there are evaluated once for
-//! each vertex ([`Trunks`]), and a frame costs this activation and the last layer for each follower. Frames are
-//! independent and run on all cores.
+//! The code enters the forward field only before its last activation. All earlier layers are
+//! evaluated once for each vertex ([`Trunks`]), so a frame costs only this activation and the last
+//! layer for each follower. Frames are independent and run on all cores.
 //!
-//! Not obvious: the displacement is a difference of two values of the forward field, so that a face at rest stays
-//! exactly at rest, however well the head fits. Lids and lips keep to their landmarks, because landmarks say best
-//! when they touch, and contacts are corrected after the sum. The landmarks of a code are those of the mean head, not
-//! of the fitted one: landmark motion is canonical everywhere.
+//! Not obvious: the displacement is a difference of two values of the forward field, so a face at
+//! rest stays exactly at rest, however well the head fits. Eyelids and lips keep to their
+//! landmarks, because landmarks best say when they touch, and contacts are corrected after the sum.
+//! The landmarks of a code are those of the mean head and not of the fitted one, because landmark
+//! motion is canonical everywhere.
 //!
-//! What can go wrong: a face unlike every head of the model is refused with a sentence, which the cache keeps too. It
-//! then moves by its landmarks alone. Vertices far from the head's surface (ears, hair, neck), or whose canonical point
-//! was not found, have the share 0.
+//! What can go wrong: if a face is unlike every head of the model, the fit is refused with a
+//! message, which the cache keeps too. The face then moves by its landmarks alone. The share is 0
+//! for vertices far from the head's surface (ears, hair, neck) and for those whose canonical point
+//! was not found.
 
 use std::sync::Arc;
 
@@ -46,31 +52,31 @@ use crate::{
     mesh::{Mesh, Similarity, ibug::LANDMARKS},
 };
 
-/// Cells of the surface at which searches start.
+/// Cells along the longest side of the grid whose surface gives the searches their starts.
 const STARTS: usize = 112;
-/// A vertex nearer to the surface than the first distance counts fully, one farther than the second
-/// not at all; metres.
+/// A vertex nearer to the surface than this follows the field fully; metres.
 const NEAR_M: f32 = 4e-3;
+/// A vertex farther from the surface than this does not follow the field; metres.
 const FAR_M: f32 = 1e-2;
-/// Cosine between the normals of a vertex and of the place where its search starts, at least.
+/// Least cosine between the normals of a vertex and of the place where its search starts.
 const SAME_WAY: f32 = 0.2;
-/// Name of a refusal in the cache.
+/// Name under which the cache stores a refusal.
 const REFUSED: &str = "refused";
 const LOOKED_AT: usize = 32;
-/// A vertex whose root stays further off than this does not follow the field.
+/// A vertex does not follow the field if its root misses it by more than this, metres.
 const ROOT_M: f32 = 3e-4;
 const FOUND_M: f32 = 2e-5;
 const SIMPLE_STEPS: usize = 8;
 const NEWTON_STEPS: usize = 4;
 const DIFFERENCE_M: f32 = 5e-4;
-/// Within the first distance of lids and lips the field has no effect, beyond the second it has
-/// full effect; metres.
+/// The field has no effect within the first distance of eyelids and lips, and full effect beyond
+/// the second; metres.
 const BEYOND_M: (f32, f32) = (8e-3, 3e-2);
 
-/// How far the field moves a mesh.
+/// How strongly the field moves a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {
-    /// By which share vertices follow it, 0 to 1.
+    /// Factor on the share with which each vertex follows the field, 0 to 1.
     pub share: f32,
     /// σ of the smoothing of eq. 12, metres; 0 for none.
     pub sigma_m: f32,
@@ -85,12 +91,12 @@ impl Default for Reach {
     }
 }
 
-/// The field of one head on the vertices of a mesh like it.
+/// The field of one head on the vertices of a similar mesh.
 pub struct HeadOnMesh {
     head: Arc<Head>,
     vertices: usize,
     placed: Placed,
-    /// Vertices that follow some of the followers, and by which shares.
+    /// Vertices that follow followers: each with its followers' numbers and their shares.
     carried: Vec<(u32, Vec<(u32, f32)>)>,
     points: Trunks,
     at_rest: Vec<[f32; 3]>,
@@ -101,14 +107,14 @@ pub struct HeadOnMesh {
     landmarks_at_rest: Vec<[f32; 3]>,
 }
 
-/// A head like a mesh, and where the mesh's vertices lie in it.
+/// The head most like a mesh, and where the mesh's vertices lie in it.
 struct Placed {
     fit: ScanFit,
-    /// Vertices that follow the field, rising.
+    /// Vertices that follow the field, in ascending order.
     followers: Vec<u32>,
-    /// How far they do, above 0 and at most 1.
+    /// The share with which each follows, above 0 and at most 1.
     shares: Vec<f32>,
-    /// Where they lie in the canonical pose.
+    /// Their canonical points.
     canonical: Vec<[f32; 3]>,
 }
 
@@ -145,10 +151,11 @@ impl HeadOnMesh {
         }
     }
 
-    /// The same with a head that is already fitted.
+    /// Does the same with a head that is already fitted.
     ///
     /// # Errors
-    /// `InvalidInput` for coefficients that are none; `Mesh` if the landmarks lie on no usable face; `Cancelled`.
+    /// `InvalidInput` for a wrong count of coefficients or one that is not finite; `Mesh` if the
+    /// landmarks lie on no usable face; `Cancelled`.
     pub fn of_fit(
         head: Arc<Head>,
         face: &Face,
@@ -187,12 +194,12 @@ impl HeadOnMesh {
         })
     }
 
-    /// How the head was found.
+    /// The fit of the head to the mesh.
     pub fn fit(&self) -> &ScanFit {
         &self.placed.fit
     }
 
-    /// By which share each vertex `[V]` follows the field.
+    /// The share with which each vertex `[V]` follows the field.
     pub fn shares(&self) -> Vec<f32> {
         let mut out = vec![0.0; self.vertices];
         for (&v, &share) in self.placed.followers.iter().zip(&self.placed.shares) {
@@ -268,7 +275,8 @@ impl CodeField for HeadOnMesh {
 }
 
 impl Placed {
-    /// Finds it once for a face, or why no head is like the face. `cache` keeps the result.
+    /// Fits a head to a face and places the vertices in it, or says why no head is like the face.
+    /// `cache` keeps the result.
     fn of_face(
         head: &Head,
         face: &Face,
@@ -381,8 +389,8 @@ impl Placed {
     }
 }
 
-/// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth, scaled to 0 to 1. The
-/// Gaussians about eyes and brows are ours. 1 everywhere where `sigma_m` is 0.
+/// Weights of eq. 12 to 14 at canonical `points`: a Gaussian about the mouth, scaled to 0 to 1. We
+/// added a second Gaussian about eyes and brows. All weights are 1 if `sigma_m` is 0.
 fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f32> {
     if sigma_m <= 0.0 {
         return vec![1.0; points.len()];
@@ -406,7 +414,7 @@ fn centre(points: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|axis| points.iter().map(|p| p[axis]).sum::<f32>() / points.len() as f32)
 }
 
-/// A direction of the canonical frame in the axes of the fitted head.
+/// Turns a direction of the canonical frame into the axes of the fitted head.
 fn turn_only(to_head: &Similarity, face: &Face, direction: [f32; 3]) -> [f32; 3] {
     to_head.rotate(face.to_canonical.inverse().rotate(direction))
 }
@@ -435,34 +443,39 @@ fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Ve
         .collect()
 }
 
-/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and whether the search
-/// reached them: the roots `x` of `forward(x) = p`, where `forward` is the head's field in the pose at rest.
+/// Finds where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and
+/// whether the search reached them: the roots `x` of `forward(x) = p`, where `forward` is the
+/// head's field in the pose at rest.
 ///
-/// The field goes from the canonical pose to any other, but a vertex is known in the pose at rest alone. The backward
-/// field is a second network that was learned beside the forward one. Its error would put a vertex beside its place on
-/// the face, so the search inverts the forward field itself.
+/// The field goes from the canonical pose to any other, but a vertex is known only in the pose at
+/// rest. The backward field is a second network, trained beside the forward one. Its error would
+/// put a vertex beside its place on the face, so the search inverts the forward field itself.
 ///
-/// 1. Marching cubes on a grid of [`STARTS`] cells along its longest side find the surface of the head in the
-///    canonical pose, whose mouth is open. The forward field moves the vertices of this surface to the pose at rest.
-/// 2. Each point looks among the [`LOOKED_AT`] nearest of these vertices within [`FAR_M`] for the nearest one whose
-///    normal points the same way. The search starts at the canonical place of that vertex, plus the offset of the
-///    point from the vertex at rest.
-/// 3. [`SIMPLE_STEPS`] fixed-point steps `x += p − forward(x)` follow. They need no slopes and converge where the field
-///    is close to a translation nearby, as it is on most of the face.
-/// 4. [`NEWTON_STEPS`] steps of Newton follow for the points that are left, with slopes by central differences. They
-///    are for skin that the field turns or stretches. No step is longer than [`NEAR_M`] along an axis.
+/// 1. Marching cubes on a grid with [`STARTS`] cells along its longest side finds the surface of
+///    the head in the canonical pose, whose mouth is open. The forward field moves the vertices of
+///    this surface to the pose at rest.
+/// 2. Each point looks among the [`LOOKED_AT`] nearest of these vertices within [`FAR_M`] for the
+///    nearest one whose normal points the same way. The search starts at the canonical place of
+///    that vertex, plus the offset of the point from the vertex at rest.
+/// 3. [`SIMPLE_STEPS`] fixed-point steps `x += p − forward(x)` follow. They need no slopes and
+///    converge where the field is locally close to a translation, as it is on most of the face.
+/// 4. [`NEWTON_STEPS`] Newton steps follow for the points that are left, with slopes by central
+///    differences. They are for skin that the field turns or stretches. No step of either kind is
+///    longer than [`NEAR_M`] along an axis.
 ///
-/// The cost for each point that is left is one evaluation of the field in a fixed-point step, and seven in a Newton
-/// step, six of them for the differences. Points within [`FOUND_M`] leave the search. The surface costs as many
-/// distances as marching cubes ask for on the grid, whatever the mesh.
+/// For each point that is left, a fixed-point step costs one evaluation of the field. A Newton step
+/// costs seven, six of them for the differences. Points within [`FOUND_M`] leave the search. The
+/// surface costs as many distances as marching cubes needs on the grid, whatever the mesh.
 ///
-/// Not obvious: lips at rest lie in one place, so the root of a vertex of the lips is not unique. Only the start
-/// decides on which lip the vertex lies, and the normals decide the start. A scan may be turned inside out. So all
-/// starts are found for both signs of the normals, and the sign with more starts counts.
+/// Not obvious: the lips coincide at rest, so the root of a vertex of the lips is not unique. Only
+/// the start decides on which lip the vertex lies, and the normals decide the start. The triangles
+/// of a scan may be turned inside out. So the search finds starts for both signs of the normals and
+/// takes the sign with more starts.
 ///
-/// What can go wrong: a point may have no start (hair, an ear that the head lacks), and a search may end more than
-/// [`ROOT_M`] away from its point, or diverge. Both are reported as not reached, and such a vertex does not follow the
-/// field. Where the slopes hardly span space, Newton's step becomes a fixed-point step.
+/// What can go wrong: a point may have no start (hair, an ear that the head lacks). A search may
+/// end more than [`ROOT_M`] away from its point, or diverge. Both are reported as not reached, and
+/// such a vertex does not follow the field. Where the slopes are close to singular, a Newton step
+/// becomes a fixed-point step.
 fn canonical_points(
     one: &OneHead<'_>,
     places: &[[f32; 3]],
@@ -506,7 +519,8 @@ fn canonical_points(
     Ok((search.roots, search.reached))
 }
 
-/// For each point the nearest vertex of the head `at_rest` that looks the same way, where one is near.
+/// For each point, the nearest vertex of the head `at_rest` whose normal points the same way, if
+/// one is near.
 fn starts(at_rest: &Mesh, places: &[[f32; 3]], normals: &[[f32; 3]]) -> Vec<Option<u32>> {
     let towards = at_rest.vertex_normals();
     let grid = PointGrid::new(&at_rest.positions, NEAR_M);
@@ -540,9 +554,9 @@ struct RootSearch<'a> {
     places: &'a [[f32; 3]],
     /// `[P]`, canonical.
     roots: Vec<[f32; 3]>,
-    /// `[P]`, whether the root lies within [`ROOT_M`] of its point.
+    /// `[P]`, whether the forward field takes the root to within [`ROOT_M`] of its point.
     reached: Vec<bool>,
-    /// Numbers of the points whose roots may still come nearer.
+    /// Numbers of the points whose search goes on.
     left: Vec<usize>,
 }
 
@@ -577,7 +591,7 @@ impl RootSearch<'_> {
         Ok(())
     }
 
-    /// Looks where the last step has taken the points that are left.
+    /// Checks whether the last step reached the points that are left.
     fn judge_rest(&mut self) -> Result<()> {
         if self.left.is_empty() {
             return Ok(());
@@ -590,7 +604,7 @@ impl RootSearch<'_> {
     }
 }
 
-/// Columns of the forward field's slope at points `[P]`, by differences.
+/// Columns of the forward field's Jacobian at points `[P]`, by central differences.
 fn slopes_of(one: &OneHead<'_>, points: &[[f32; 3]], code: &[f32]) -> Result<Vec<[[f32; 3]; 3]>> {
     let beside: Vec<[f32; 3]> = points
         .iter()
@@ -616,7 +630,7 @@ fn slopes_of(one: &OneHead<'_>, points: &[[f32; 3]], code: &[f32]) -> Result<Vec
         .collect())
 }
 
-/// `x` of `columns · x = y`, by Cramer's rule; `None` where they hardly span space.
+/// Solves `columns · x = y` by Cramer's rule. `None` if the columns hardly span space.
 fn solve(columns: [[f32; 3]; 3], y: Vec3) -> Option<Vec3> {
     let [a, b, c] = columns.map(Vec3::from);
     let volume = a.dot(b.cross(c));

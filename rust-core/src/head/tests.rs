@@ -54,7 +54,8 @@ fn every_part_equals_its_twin() {
     check("posed", mover.at(&expression).unwrap().as_flattened());
 }
 
-/// By the chain rule against differences, at points about the surface where many networks act.
+/// Compares the chain rule with finite differences, at points near the surface where many networks
+/// act.
 #[test]
 fn slopes_of_the_field_are_those_of_differences() {
     let field = head();
@@ -86,7 +87,8 @@ fn slopes_of_the_field_are_those_of_differences() {
         for (row, (more, less)) in more.iter().zip(&less).enumerate() {
             let slope = slopes.coefficients[row * COEFFICIENTS + number];
             let expected = (more - less) / (2.0 * STEP);
-            // A ten-thousandth of a millimetre a coefficient is what rounding leaves of a difference.
+            // Rounding of the differences needs the tolerance of a hundredth of a millimetre per
+            // coefficient.
             assert!(
                 (slope - expected).abs() < 1e-5 + 0.02 * expected.abs(),
                 "coefficient {number} at point {row}: {slope} for {expected}"
@@ -178,7 +180,7 @@ fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
     assert_eq!(read.triangles, head.mesh.triangles);
 }
 
-/// Seed 7 has two specks of surface beside it at this resolution.
+/// Seed 7 has two specks of surface beside the head at this resolution.
 #[test]
 fn a_made_head_is_one_piece() {
     let cells = 96;
@@ -196,7 +198,7 @@ fn a_cancelled_head_says_so() {
     assert!(matches!(result, Err(Error::Cancelled)));
 }
 
-/// A head at rest as a scan: all its skin, in millimetres, upside down, with noise.
+/// The scan is a head at rest: all its skin, in millimetres, upside down and shifted.
 #[test]
 fn a_head_is_found_again_from_its_points() {
     let truth = Head::random(21);

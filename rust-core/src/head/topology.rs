@@ -1,5 +1,5 @@
-//! A head of clean quads: MakeHuman's topology on ICT's mean face, whose shape follows the coefficients of the
-//! field's identities and traits of its own.
+//! A head of clean quads: MakeHuman's topology on ICT's mean face. Its shape follows the
+//! coefficients of the field's identities, and traits of its own.
 //!
 //! Twin of `training/head_topology/shape.py`.
 
@@ -18,11 +18,11 @@ use crate::{
 /// Built-in weights.
 #[cfg(feature = "facetalk")]
 pub static TOPOLOGY_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_facetalk::HEAD_TOPOLOGY);
-/// Weights that a folder may bring.
+/// Not in this build: a folder may provide the weights.
 #[cfg(not(feature = "facetalk"))]
 pub static TOPOLOGY_MODEL: BuiltIn = BuiltIn::absent("head_topology", None);
 
-/// Most vertices, faces, traits, parts or materials that a file may ask for.
+/// The most vertices, faces or numbers that a file may ask for.
 const MOST: usize = 1 << 20;
 
 #[derive(Deserialize)]
@@ -43,7 +43,7 @@ struct PartConfig {
 }
 
 impl Config {
-    /// Names of the skin and the parts with their vertices.
+    /// Names of the skin and the parts, each with its vertices.
     fn objects(&self) -> Vec<(String, Range<usize>)> {
         let mut end = self.skin_vertices;
         let mut objects = vec![("skin".to_owned(), 0..end)];
@@ -55,7 +55,8 @@ impl Config {
         objects
     }
 
-    /// K: a coefficient each, then a trait's right and left.
+    /// K: one number for each coefficient, then two for each trait, its amounts to the right and
+    /// left.
     fn numbers(&self) -> usize {
         COEFFICIENTS + 2 * self.traits.len()
     }
@@ -63,9 +64,9 @@ impl Config {
 
 /// What a part follows.
 enum Leader {
-    /// The skin: corners of triangles and their shares, a row for each vertex.
+    /// The skin: for each vertex, the corners of a triangle and their shares.
     Skin(Vec<[u32; 3]>, Vec<[f32; 3]>),
-    /// Numbers: a shift, and growth about its middle, `[K, 4]`.
+    /// The numbers of the head: a shift, and growth about the part's middle, `[K, 4]`.
     Numbers(Array2<f32>),
 }
 
@@ -74,27 +75,29 @@ struct Part {
     leader: Leader,
 }
 
-/// Quads, and what moves them.
+/// The quad mesh and the data that moves it.
 pub struct Topology {
     step_m: f32,
     traits: Vec<String>,
     /// `[V]` metres, the mean head.
     positions: Vec<[f32; 3]>,
-    /// `[K, 3 S]` in steps, all x first; K is a coefficient each, then a trait's right and left.
+    /// `[K, 3 S]` in steps, all x first. K is one number for each coefficient, then two for each
+    /// trait (right and left).
     ///
-    /// What each vertex adds to the mean of its `earlier` neighbours, which packs smaller than its displacement.
+    /// Each value is what a vertex adds to the mean of its `earlier` neighbours. This packs smaller
+    /// than its displacement.
     modes: Array2<f32>,
-    /// Of each vertex of the skin, those of its neighbours that have lower numbers, `[S]`.
+    /// For each vertex of the skin, its neighbours with lower numbers, `[S]`.
     earlier: Vec<Vec<u32>>,
-    /// `[F]`; a triangle's last corner comes twice.
+    /// `[F]`; a triangle repeats its last corner.
     faces: Vec<[u32; 4]>,
-    /// Of the skin's faces.
+    /// Texture coordinates at the corners of the skin's faces.
     uv: Vec<[[f32; 2]; 4]>,
     objects: Vec<(String, Range<usize>)>,
-    /// Ranges of faces.
+    /// Names of materials, each with a range of faces.
     materials: Vec<(String, Range<usize>)>,
     material_names: Vec<String>,
-    /// Of each face, `[F]`.
+    /// The material of each face, `[F]`.
     face_materials: Vec<u32>,
     skin_faces: usize,
     landmarks: [u32; LANDMARKS],
@@ -102,7 +105,7 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// The built-in one, or that of `folder`.
+    /// Opens the built-in topology, or the one in `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -164,17 +167,17 @@ impl Topology {
         })
     }
 
-    /// Names of the sliders beside the coefficients, `[T]`: age, sex, weight …
+    /// Names of the traits, the sliders beside the coefficients, `[T]`: age, sex, weight …
     pub fn traits(&self) -> &[String] {
         &self.traits
     }
 
-    /// All faces `[F]`, those of the skin first; the last corner of a triangle comes twice.
+    /// All faces `[F]`, the skin's first. A triangle repeats its last corner.
     pub fn faces(&self) -> &[[u32; 4]] {
         &self.faces
     }
 
-    /// Texture places of the corners of the skin's faces, `[S]`.
+    /// Texture coordinates at the corners of each of the skin's faces.
     pub fn uv(&self) -> &[[[f32; 2]; 4]] {
         &self.uv
     }
@@ -189,7 +192,7 @@ impl Topology {
         self.material_names.iter().map(String::as_str)
     }
 
-    /// Of the skin under `numbers` `[K]`, `[S]` metres.
+    /// Displacements of the skin under `numbers` `[K]`: `[S]`, metres.
     fn displacements(&self, numbers: ArrayView1<'_, f32>) -> Vec<[f32; 3]> {
         let added = numbers.dot(&self.modes) * self.step_m;
         let skin = self.earlier.len();
@@ -207,10 +210,10 @@ impl Topology {
         moved
     }
 
-    /// The mesh at rest of `numbers` `[100 + T]`: coefficients, then traits.
+    /// The mesh at rest for `numbers` `[100 + T]`: coefficients, then traits.
     ///
     /// # Errors
-    /// `InvalidInput` for another number of them or one that is not finite.
+    /// `InvalidInput` for a wrong count or a number that is not finite.
     pub fn mesh(&self, numbers: &[f32], parts: bool) -> Result<MadeHead> {
         check(
             "numbers of a head",
@@ -255,7 +258,7 @@ impl Topology {
 }
 
 impl Part {
-    /// The part of these vertices.
+    /// Loads the part that has these vertices.
     fn load(weights: &Weights, config: &Config, vertices: &Range<usize>) -> Result<Part> {
         let (count, skin) = (vertices.len(), config.skin_vertices);
         let leader = match weights.contains("moves") {
@@ -298,7 +301,7 @@ impl Part {
     }
 }
 
-/// Of each of `count` vertices, the neighbours along edges of `faces` that have lower numbers.
+/// For each of `count` vertices, its neighbours with lower numbers along the edges of `faces`.
 fn earlier_neighbours(faces: &[[u32; 4]], count: usize) -> Result<Vec<Vec<u32>>> {
     let mut earlier = vec![Vec::new(); count];
     for face in faces {
@@ -319,7 +322,7 @@ fn earlier_neighbours(faces: &[[u32; 4]], count: usize) -> Result<Vec<Vec<u32>>>
     Ok(earlier)
 }
 
-/// One or two triangles.
+/// The one or two triangles of a face.
 fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
     let [a, b, c, d] = *face;
     let second = (c != d).then_some([a, c, d]);
@@ -335,7 +338,7 @@ fn rows_of<const N: usize>(values: &[f32]) -> Vec<[f32; N]> {
     values.as_chunks::<N>().0.to_vec()
 }
 
-/// Whole numbers below `count`.
+/// Turns values into rows of whole numbers below `count`.
 fn indices<const N: usize>(values: &[f32], count: usize, what: &str) -> Result<Vec<[u32; N]>> {
     let wrong = |x: &&f32| !(0.0..count as f32).contains(*x) || x.fract() != 0.0;
     if let Some(value) = values.iter().find(wrong) {
@@ -347,7 +350,7 @@ fn indices<const N: usize>(values: &[f32], count: usize, what: &str) -> Result<V
     Ok(rows.into_iter().map(|row| row.map(|x| x as u32)).collect())
 }
 
-/// Faces of one material and one object after another, as ranges.
+/// Ranges of consecutive faces with the same material and object.
 fn runs(kinds: &[u32], config: &Config) -> Vec<(String, Range<usize>)> {
     let mut ends = vec![config.skin_faces];
     for part in &config.parts {

@@ -1,5 +1,5 @@
-//! The surface of a head over time: marching cubes runs once, in the canonical pose, and the forward field moves the
-//! vertices that it found, so that every frame has the same triangles.
+//! The surface of a head over time. Marching cubes runs once, in the canonical pose. The forward
+//! field then moves the vertices that it found, so every frame has the same triangles.
 
 use std::{ops::RangeInclusive, sync::Arc};
 
@@ -12,10 +12,10 @@ use crate::{
     mesh::Similarity,
 };
 
-/// Cells along the longest side of the grid that a surface over time may have.
+/// How many cells the grid of a surface over time may have along its longest side.
 pub const SURFACE_CELLS: RangeInclusive<usize> = 32..=512;
-/// Bytes that a surface over time takes for each square of cells along the longest side, with what the field keeps
-/// for each vertex: measured at 128, 256 and 512.
+/// Bytes of a surface over time, divided by the square of its cells along the longest side. They
+/// include what the field keeps for each vertex. Measured at 128, 256 and 512 cells.
 const BYTES_OF_SQUARE: usize = 2500;
 
 /// The surface of one head, ready for many poses.
@@ -29,8 +29,8 @@ pub struct HeadSurface {
 /// Checks a number of cells before any memory is taken.
 ///
 /// # Errors
-/// `InvalidInput` outside [`SURFACE_CELLS`] and `OutOfMemory` where there is no room, both with the memory that
-/// would be needed.
+/// `InvalidInput` outside [`SURFACE_CELLS`] and `OutOfMemory` if there is no room. Both messages
+/// say how much memory it would need.
 pub fn check_surface_cells(cells: usize) -> Result<()> {
     let bytes = cells.saturating_mul(cells).saturating_mul(BYTES_OF_SQUARE);
     let megabytes = bytes >> 20;
@@ -49,11 +49,12 @@ pub fn check_surface_cells(cells: usize) -> Result<()> {
 }
 
 impl HeadSurface {
-    /// The surface of the head of `coefficients` `[100]`, which `to_mesh` brings from canonical metres to where it is
-    /// wanted; `cells` along the longest side of the grid.
+    /// Makes the surface of the head with `coefficients` `[100]`, with `cells` along the longest
+    /// side of the grid. `to_mesh` takes its points from canonical metres to the caller's space.
     ///
     /// # Errors
-    /// Those of [`check_surface_cells`]; `InvalidInput` for coefficients that are none; `Cancelled`.
+    /// Those of [`check_surface_cells`]; `InvalidInput` for a wrong count of coefficients or one
+    /// that is not finite; `Cancelled`.
     pub fn new(
         head: Arc<Head>,
         coefficients: &[f32],
@@ -94,10 +95,11 @@ impl HeadSurface {
         Ok(posed)
     }
 
-    /// Codes `[T, X]` by which it moves as landmarks of a take do: [`Head::led_codes`] of its head.
+    /// Codes `[T, X]` that move the surface as the landmarks of a take move: see
+    /// [`Head::led_codes`].
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`Head::led_codes`].
     pub fn led_codes(
         &self,
         codes: ArrayView2<'_, f32>,
@@ -110,7 +112,7 @@ impl HeadSurface {
     /// Vertices `[V]` of the face at rest.
     ///
     /// # Errors
-    /// None for a head that could be opened.
+    /// Never fails for a head that could be opened.
     pub fn at_rest(&self) -> Result<Vec<[f32; 3]>> {
         self.at(&self.head.rest_code())
     }

@@ -1,4 +1,4 @@
-//! Files and folders that appear whole or not at all.
+//! Writes files and folders so that either the whole appears or none of it.
 
 use std::{
     fs::{self, File},
@@ -13,20 +13,21 @@ use tempfile::{NamedTempFile, TempDir};
 use super::place::{Place, folder_of, follow};
 use crate::{Error, Result};
 
-/// Bytes that are collected before a write.
+/// Bytes collected before each write.
 const BUFFER_BYTES: usize = 1 << 20;
-/// How names of files in the making begin and end.
+/// Start of the names of unfinished files.
 const PREFIX: &str = ".anyface-";
+/// End of these names.
 const SUFFIX: &str = ".part";
 /// An unfinished file that nobody has written to for this long belongs to a killed process.
 const ABANDONED: Duration = Duration::from_secs(3600);
-/// Pause between two looks into one folder for such files.
+/// Least time between two searches of one folder for such files.
 const LOOK_AGAIN: Duration = Duration::from_secs(60);
 
 /// Unfinished files and folders of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// The job whose files get their names together. `None` where each gets its name at once.
+/// The job whose files get their names together. If it is `None`, each file gets its name at once.
 static JOB: Mutex<Option<Job>> = Mutex::new(None);
 
 /// A job of [`all_or_none`].
@@ -35,14 +36,14 @@ struct Job {
     is_cancelled: Option<fn() -> bool>,
     inputs: Vec<(Place, PathBuf)>,
     outputs: Vec<(Place, PathBuf)>,
-    /// Folders that were made for results, the outer ones first.
+    /// Folders made for results, the outer ones first.
     folders: Vec<PathBuf>,
     /// Complete files that wait for the others.
     waiting: Vec<Unfinished>,
 }
 
 impl Job {
-    /// Refuses a file that the job reads, or writes already.
+    /// Adds an output. Refuses a file that the job reads or already writes.
     fn note_output(&mut self, path: &Path) -> Result<()> {
         let place = Place::of(path);
         let known = |files: &[(Place, PathBuf)], what: &str| {
@@ -67,8 +68,8 @@ fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
 
 /// Removes all unfinished files and folders before the process ends in the middle of its work.
 ///
-/// Waits for a moment for a thread that notes one, and no longer: that thread may be the one that
-/// ends the process.
+/// Another thread may hold the list of them. This waits 0.1 s for it, but no longer, because that
+/// thread may be the one that ends the process.
 pub fn remove_unfinished() {
     for _ in 0..100 {
         let paths = match UNFINISHED.try_lock() {
@@ -95,15 +96,16 @@ pub fn remove_unfinished() {
     }
 }
 
-/// Runs a job whose files all get their names together after it succeeded. Where it fails, no file
-/// stays.
+/// Runs a job and gives all its files their names together once it has succeeded. If it fails, it
+/// leaves no file.
 ///
-/// For a process that does one job at a time, such as the command: files of all its threads wait.
-/// The job writes none of `inputs`, the files that it reads, and no file twice. Where
-/// `is_cancelled` says so, it stops waiting for a pipe.
+/// This is for a process that does one job at a time, such as the command, because the files of all
+/// its threads wait. The job must write none of `inputs`, the files that it reads, and no file
+/// twice. When `is_cancelled` returns true, the job stops waiting for a pipe.
 ///
 /// # Errors
-/// Those of `job`; `Io` if a file cannot get its name; `InvalidInput` for a file that the job reads or writes already.
+/// Those of `job`; `Io` if a file cannot get its name; `InvalidInput` for a file that the job reads
+/// or already writes.
 pub fn all_or_none<T>(
     inputs: Vec<PathBuf>,
     is_cancelled: fn() -> bool,
@@ -131,16 +133,16 @@ pub fn all_or_none<T>(
     result
 }
 
-/// Removes folders in which nothing is left, the inner ones first.
+/// Removes those of the folders that are empty, the inner ones first.
 fn remove_empty(folders: &[PathBuf]) {
     for folder in folders.iter().rev() {
-        // A folder stays where somebody else has put something into it.
+        // This fails, and the folder stays, if somebody else has put something into it.
         let _ = fs::remove_dir(folder);
     }
 }
 
-/// Makes a folder for results, and those around it. A failed job of [`all_or_none`] removes those
-/// that it made.
+/// Makes a folder for results and its missing parents. If a job of [`all_or_none`] fails, it
+/// removes the folders that it made.
 ///
 /// # Errors
 /// `Io` if one cannot be made.
@@ -166,8 +168,8 @@ pub(super) fn is_cancelled() -> bool {
     asks.is_some_and(|is_cancelled| is_cancelled())
 }
 
-/// Removes an unfinished file or folder. At the same time it may get its name, or somebody else may
-/// remove it.
+/// Removes an unfinished file or folder. Ignores errors, because it may get its name at the same
+/// time, or somebody else may remove it.
 fn remove(path: &Path) {
     let _ = match path.is_dir() {
         true => fs::remove_dir_all(path),
@@ -177,12 +179,12 @@ fn remove(path: &Path) {
 
 /// Writes a file under a temporary name in the same folder, then renames it to `path`.
 ///
-/// On any failure the temporary file is removed and what was at `path` stays. Where `path` is a link, the file that it
-/// points to is replaced, and the link stays.
+/// On any failure the temporary file is removed and the old file at `path` stays. If `path` is a
+/// link, the file that it points to is replaced and the link stays.
 ///
 /// # Errors
-/// `Io` if the folder cannot be written to, the disk is full, or `path` is there already and is
-/// not a regular file.
+/// `Io` if the folder cannot be written to, the disk is full, or `path` exists and is not a regular
+/// file; `InvalidInput` for a file that the job reads or already writes.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -194,7 +196,7 @@ pub fn write_atomically(
     unfinished.finish()
 }
 
-/// An unfinished file. Dropped before [`Unfinished::finish`] it leaves nothing.
+/// An unfinished file. If it is dropped before [`Unfinished::finish`], it leaves nothing.
 pub(crate) struct Unfinished {
     path: PathBuf,
     temporary: Option<NamedTempFile>,
@@ -212,7 +214,7 @@ impl Unfinished {
     /// Opens a temporary file beside `path`.
     ///
     /// # Errors
-    /// `Io`; `InvalidInput` for a file that the job reads or writes already.
+    /// `Io`; `InvalidInput` for a file that the job reads or already writes.
     pub(crate) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
         refuse_special(path).map_err(Error::io(path))?;
         if let Some(job) = &mut *JOB.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -230,7 +232,7 @@ impl Unfinished {
         Ok((Unfinished { path, temporary }, file))
     }
 
-    /// Renames the complete file to its place, at once or with the other files of its job.
+    /// Renames the complete file to its place, at once or together with the other files of its job.
     pub(crate) fn finish(self) -> Result<()> {
         let mut job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *job {
@@ -254,8 +256,8 @@ impl Unfinished {
     }
 }
 
-/// An unfinished folder, for a place where there is none or an empty one. Dropped before
-/// [`UnfinishedFolder::finish`] it leaves nothing.
+/// An unfinished folder. Its final place must hold no folder or an empty one. If it is dropped
+/// before [`UnfinishedFolder::finish`], it leaves nothing.
 pub(crate) struct UnfinishedFolder {
     path: PathBuf,
     temporary: Option<TempDir>,
@@ -287,14 +289,14 @@ impl UnfinishedFolder {
         })
     }
 
-    /// Where its files are written.
+    /// The folder to write its files into.
     pub(crate) fn place(&self) -> &Path {
         self.temporary
             .as_ref()
             .map_or(&self.path, |temporary| temporary.path())
     }
 
-    /// Renames the complete folder to its place. An empty folder there makes way.
+    /// Renames the complete folder to its place. An empty folder there is removed first.
     pub(crate) fn finish(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else {
             return Ok(());
@@ -312,7 +314,7 @@ impl UnfinishedFolder {
     }
 }
 
-/// Renaming onto a device or a folder would replace the device or fail late.
+/// Refuses a device or a folder: renaming onto it would replace the device or fail late.
 fn refuse_special(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
         Ok(file) if !file.is_file() => Err(io::Error::new(
@@ -323,8 +325,8 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes the half-written files of killed processes from a folder. It looks into a folder at most once a minute, since a
-/// batch may keep ten thousand results there.
+/// Removes the unfinished files of killed processes from a folder. It looks into a folder at most
+/// once a minute, because a batch may keep ten thousand results there.
 fn remove_abandoned(folder: &Path) {
     static LOOKED: Mutex<Vec<(PathBuf, Instant)>> = Mutex::new(Vec::new());
     let mut looked = LOOKED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -425,7 +427,7 @@ mod tests {
         assert!(name.exists());
         unfinished(|paths| assert!(paths.contains(&name)));
         drop(guard);
-        // Windows takes the name away with the last handle.
+        // Windows removes the name when the last handle closes.
         drop(file);
         unfinished(|paths| assert!(!paths.contains(&name)));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

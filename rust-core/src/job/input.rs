@@ -1,7 +1,8 @@
-//! The one way in which files are read: within a limit, and in a way that a cancelled job does not wait for.
+//! Reads all input files, within a limit of size and so that a cancelled job does not wait for
+//! them.
 //!
-//! A regular file is read as far as the limit of its kind. A pipe or a device may have no end and may never begin, so
-//! that a thread of its own reads it, and the limit is lower.
+//! A regular file may be as large as the limit of its kind. A pipe or a device may never end and
+//! may never begin. So a separate thread reads it, and for most kinds its limit is lower.
 
 use std::{
     fs::File,
@@ -14,23 +15,23 @@ use std::{
 use super::atomic::{is_cancelled, write_atomically};
 use crate::{Error, Result};
 
-/// How often a job that waits for a pipe looks whether it is cancelled.
+/// How often a job that waits for a pipe checks whether it is cancelled.
 const PATIENCE: Duration = Duration::from_millis(50);
-/// Bytes that are taken from a pipe at once.
+/// Bytes taken from a pipe at once.
 const CHUNK: usize = 1 << 16;
 /// Chunks that a thread reads ahead.
 const CHUNKS_AHEAD: usize = 16;
 
-/// What a file holds, which decides how large it may be and which error says that it is larger.
+/// What a file holds. This decides how large it may be, and which error refuses it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputKind {
     /// A mesh: 4 GiB are some thirty million vertices as text.
     Mesh,
-    /// A sound; of a pipe an hour and a half of stereo WAV at 48 kHz.
+    /// A sound. From a pipe it may be an hour and a half of stereo WAV at 48 kHz.
     Sound,
     /// Arrays or vertices over time.
     Arrays,
-    /// Text such as landmarks, events, what is said when, or a config.
+    /// Text such as landmarks, events, timed words or a config.
     Text,
     /// A list with a number for each vertex.
     Numbers,
@@ -78,20 +79,20 @@ impl InputKind {
     }
 }
 
-/// A file that is open for reading from any place.
+/// A file that is open for reading and seeking.
 pub(crate) enum Input {
     /// A regular file.
     File(File),
-    /// All that came through a pipe.
+    /// All the bytes of a pipe or a device.
     Bytes(Cursor<Vec<u8>>),
 }
 
 impl Input {
-    /// Opens a file; the bytes of a pipe are all read here.
+    /// Opens a file. All the bytes of a pipe are read here.
     ///
     /// # Errors
-    /// `Io` if it cannot be read; `Cancelled` if the job is cancelled while it waits for a pipe; the error of the kind
-    /// if it is larger than the kind may be.
+    /// `Io` if it cannot be read; `Cancelled` if the job is cancelled while it waits for a pipe;
+    /// the kind's error if the file is larger than its kind allows.
     pub(crate) fn open(path: &Path, kind: InputKind) -> Result<Input> {
         let known = std::fs::metadata(path).map_err(Error::io(path))?;
         if known.is_dir() {
@@ -115,7 +116,7 @@ impl Input {
     /// Number of bytes.
     ///
     /// # Errors
-    /// `Io` where the system does not say it.
+    /// If the system does not report it.
     pub(crate) fn length(&self) -> io::Result<u64> {
         match self {
             Input::File(file) => Ok(file.metadata()?.len()),
@@ -145,8 +146,8 @@ impl Seek for Input {
 /// All bytes of a file.
 ///
 /// # Errors
-/// `Io` if it cannot be read; `Cancelled` if the job of [`super::all_or_none`] is cancelled while it waits for a pipe;
-/// the error of the kind if the file is larger than the kind may be.
+/// `Io` if it cannot be read; `Cancelled` if the job of [`super::all_or_none`] is cancelled while
+/// it waits for a pipe; the kind's error if the file is larger than its kind allows.
 pub fn read_file(path: &Path, kind: InputKind) -> Result<Vec<u8>> {
     let file = match Input::open(path, kind)? {
         Input::Bytes(bytes) => return Ok(bytes.into_inner()),
@@ -168,7 +169,7 @@ pub fn read_file(path: &Path, kind: InputKind) -> Result<Vec<u8>> {
     }
 }
 
-/// Copies a file; the copy is there whole or not at all.
+/// Copies a file. Either the whole copy appears or none of it.
 ///
 /// # Errors
 /// Those of [`read_file`] and of [`super::write_atomically`].
@@ -180,7 +181,7 @@ pub fn copy_file(from: &Path, kind: InputKind, to: &Path) -> Result<()> {
 /// The text of a file.
 ///
 /// # Errors
-/// Those of [`read_file`]; the error of the kind if it is not in UTF-8.
+/// Those of [`read_file`]; the kind's error if the file is not in UTF-8.
 pub fn read_text(path: &Path, kind: InputKind) -> Result<String> {
     String::from_utf8(read_file(path, kind)?).map_err(|_| {
         let path = path.display();
@@ -190,10 +191,10 @@ pub fn read_text(path: &Path, kind: InputKind) -> Result<String> {
     })
 }
 
-/// Bytes of a pipe or a device up to its end, or one more than `most`.
+/// Reads a pipe or a device to its end, or to one byte more than `most`.
 ///
-/// Opening a pipe waits for somebody who writes to it, and reading waits for what is written. Another thread does both;
-/// it ends with the process where the job is cancelled meanwhile.
+/// Opening a pipe waits for a writer, and reading waits for the data. Another thread does both. If
+/// the job is cancelled meanwhile, that thread may live until the process ends.
 fn wait_for_bytes(path: &Path, most: u64, is_cancelled: impl Fn() -> bool) -> Result<Vec<u8>> {
     let (sender, receiver) = sync_channel(CHUNKS_AHEAD);
     let place = path.to_owned();
@@ -202,7 +203,7 @@ fn wait_for_bytes(path: &Path, most: u64, is_cancelled: impl Fn() -> bool) -> Re
         .spawn(move || {
             let result = File::open(&place).and_then(|file| send_bytes(file, most, &sender));
             if let Err(error) = result {
-                // Nobody listens any more where the job was cancelled.
+                // This fails if the job was cancelled, because nobody listens any more.
                 let _ = sender.send(Err(error));
             }
         })
@@ -220,7 +221,7 @@ fn wait_for_bytes(path: &Path, most: u64, is_cancelled: impl Fn() -> bool) -> Re
     }
 }
 
-/// Sends the bytes of a file up to its end, or one more than `most`.
+/// Sends the bytes of a file to its end, or to one byte more than `most`.
 fn send_bytes(file: File, most: u64, sender: &SyncSender<io::Result<Vec<u8>>>) -> io::Result<()> {
     let mut file = file.take(most + 1);
     loop {

@@ -1,12 +1,12 @@
-//! Estimates before the work starts how much memory a job needs at its peak, and how much there is.
+//! Estimates a job's peak memory before the work starts, and finds how much memory is available.
 
 use std::{fs, path::Path};
 
 use crate::{Error, Result};
 
-/// What the code and the models take, bytes.
+/// Memory of the code and the models, bytes.
 const BASE: u64 = 70 << 20;
-/// Memory for finding and moving a face of the smallest mesh, in addition.
+/// Additional memory for finding and moving a face, even on the smallest mesh.
 const OF_ANY_MESH: u64 = 25 << 20;
 /// Most memory per vertex while a face is found and prepared: the mesh twice, edges, trees, the
 /// skin.
@@ -23,23 +23,23 @@ const AT_ONCE_PERCENT: u64 = 92;
 /// Share of an estimate that the job surely needs.
 const SURELY: f64 = 0.6;
 
-/// A job, as far as memory is concerned.
+/// The sizes of a job that decide how much memory it needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MemoryNeed {
     /// Vertices of the mesh.
     pub vertices: usize,
-    /// Shapes that are made for it.
+    /// Shapes made for the mesh.
     pub shapes: usize,
-    /// Arrays of all displacements of a frame that lie in memory at once.
+    /// How many frames have their displacements in memory at once.
     pub frames: usize,
     /// Memory for analysing the sound and performing to it, bytes.
     pub speech: u64,
 }
 
 impl MemoryNeed {
-    /// Peak memory of a process that does only this job, bytes. It is within a quarter of the
-    /// measured values from 468 to 13,380 vertices and from ten seconds to two hours of speech, and
-    /// within 40 % up to 2.3 million vertices.
+    /// Estimates the peak memory of a process that does only this job, bytes. The estimate is
+    /// within a quarter of the measured values from 468 to 13,380 vertices and from ten seconds to
+    /// two hours of speech, and within 40 % up to 2.3 million vertices.
     pub fn bytes(&self) -> u64 {
         let [vertices, shapes, frames] =
             [self.vertices, self.shapes, self.frames].map(|count| count as u64);
@@ -56,10 +56,10 @@ impl MemoryNeed {
         parts / 100 * AT_ONCE_PERCENT
     }
 
-    /// A warning where the job needs more than the free memory.
+    /// Returns a warning if the job needs more than the free memory.
     ///
     /// # Errors
-    /// `OutOfMemory` where the job does not fit even if the estimate is too high by its largest
+    /// `OutOfMemory` if the job would not fit even with an estimate that is too high by its largest
     /// error.
     pub fn check(&self) -> Result<Option<String>> {
         available().map_or(Ok(None), |available| self.compare(available))
@@ -85,9 +85,9 @@ impl MemoryNeed {
     }
 }
 
-/// Memory that this process may still take, bytes. It is the least of what the system has left,
-/// what the control groups allow and the rest of the address space. `None` where the system does
-/// not say (all but Linux).
+/// Memory that this process may still take, bytes. It is the least of the system's free memory, the
+/// remainder that the control groups allow and the rest of the address space. `None` if the system
+/// does not report them (all but Linux).
 pub fn available() -> Option<u64> {
     let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let left = kilobytes(&read("/proc/meminfo"), "MemAvailable:");
@@ -99,22 +99,22 @@ pub fn available() -> Option<u64> {
     [left, addresses, groups].into_iter().flatten().min()
 }
 
-/// A row such as `VmSize:   1234 kB`, bytes.
+/// Reads a row such as `VmSize:   1234 kB`, in bytes.
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let row = text.lines().find_map(|line| line.strip_prefix(name))?;
     let number = row.split_whitespace().next()?.parse::<u64>().ok()?;
     Some(number << 10)
 }
 
-/// `ulimit -v`, bytes.
+/// The limit of the address space (`ulimit -v`), bytes.
 fn most_addresses(limits: &str) -> Option<u64> {
     let mut rows = limits.lines();
     let row = rows.find_map(|line| line.strip_prefix("Max address space"))?;
     row.split_whitespace().next()?.parse().ok()
 }
 
-/// What the control groups of a process and their parents allow it in addition, bytes; for both
-/// versions of the interface.
+/// Memory that a process may still take under its control groups and their parents, bytes. Reads
+/// both versions of the interface.
 fn left_of_groups(groups: &str, root: &Path) -> Option<u64> {
     let left = |line: &str| {
         let (_, rest) = line.split_once(':')?;

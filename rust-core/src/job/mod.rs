@@ -1,5 +1,5 @@
-//! What a long job needs: progress and cancelling, an estimate of its memory, files that are read within limits and
-//! appear whole or not at all, and decoders of others whose panics are errors.
+//! Supports long jobs: reports progress, cancels, estimates memory, reads files within limits,
+//! writes them completely or not at all, and turns panics of third-party decoders into errors.
 
 mod atomic;
 mod input;

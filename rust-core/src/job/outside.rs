@@ -1,4 +1,5 @@
-//! Code of others that reads files of others: its panics are errors of those files.
+//! Runs third-party decoders on files from outside and turns their panics into errors of those
+//! files.
 
 use std::{
     any::Any,
@@ -10,17 +11,17 @@ use std::{
 use crate::{Error, Result};
 
 thread_local! {
-    /// Calls of this thread into such code.
+    /// How many calls of `guarded` this thread is in.
     static DEPTH: Cell<u32> = const { Cell::new(0) };
 }
 
-/// Runs a decoder; what it panics with becomes an error of the kind that `refuse` makes of a message.
+/// Runs a decoder. If it panics, `refuse` makes an error of the panic's message.
 ///
-/// Nothing is printed: the hook for panics is silent for this thread while the decoder runs, and as it
-/// was for all others.
+/// Nothing is printed: the panic hook is silent for this thread while the decoder runs. For all
+/// other threads it works as before.
 ///
 /// # Errors
-/// Those of `work`.
+/// Those of `work`; that of `refuse` if it panics.
 pub(crate) fn guarded<T>(
     refuse: fn(String) -> Error,
     work: impl FnOnce() -> Result<T>,

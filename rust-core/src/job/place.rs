@@ -1,11 +1,11 @@
-//! Which file a path means, however it is spelled.
+//! Finds which file a path means, however it is spelled.
 
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-/// More links in a row are a circle.
+/// More links in a row than this are taken for a circle.
 const MOST_LINKS: usize = 40;
 
 /// Identifies the file that a path names.
@@ -15,7 +15,7 @@ const MOST_LINKS: usize = 40;
 /// ignore case.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// A file by its numbers.
+    /// An existing file, by its device and inode.
     #[cfg(unix)]
     File {
         /// Number of the device.
@@ -23,12 +23,12 @@ pub enum Place {
         /// Number of the file on it.
         inode: u64,
     },
-    /// A file by the path that the system itself uses for it.
+    /// An existing file, by its canonical path.
     #[cfg(not(unix))]
     File(PathBuf),
     /// A file that does not exist yet.
     New {
-        /// Where it will lie.
+        /// The folder that it will lie in.
         folder: PathBuf,
         /// Its name in lower case.
         name: String,

@@ -5,8 +5,8 @@ use crate::{Error, Result};
 /// A step of a job and how much of that step is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Name of the stage: "landmarks", "speech", "motion", "operators", "weights", "deform", "compress",
-    /// "sliders", "curves", "write".
+    /// Name of the stage, such as "landmarks", "speech", "motion", "operators", "weights",
+    /// "deform", "compress", "sliders", "curves", "write".
     pub stage: &'static str,
     /// Share of the stage that is done, 0 to 1.
     pub fraction: f32,

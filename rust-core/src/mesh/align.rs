@@ -2,9 +2,9 @@
 //!
 //! [`Similarity::fit`] is the weighted least-squares fit of Horn 1987 ("Closed-form solution of
 //! absolute orientation using unit quaternions"): the best rotation is the leading eigenvector of
-//! a symmetric 4×4 matrix. Umeyama 1991 has the same optimum; Horn's form can never return a
-//! reflection, and its smallest eigenvalue tells how well a reflection would have fitted, which is
-//! how mirrored meshes are told apart.
+//! a symmetric 4×4 matrix. Umeyama 1991 has the same optimum, but Horn's form never returns a
+//! reflection. Its smallest eigenvalue says how well a reflection would have fitted, which reveals
+//! mirrored meshes.
 
 use ndarray::{Array3, ArrayView3};
 use serde::{Deserialize, Serialize};
@@ -27,9 +27,9 @@ pub struct Similarity {
 pub struct Fit {
     /// The best similarity with a proper rotation.
     pub similarity: Similarity,
-    /// Weighted root mean square of the distances left, target units.
+    /// Weighted root mean square of the remaining distances, target units.
     pub rms: f64,
-    /// The same if the best reflection had been allowed instead; below `rms` for a mirrored set.
+    /// The same for the best reflection instead of a rotation. Below `rms` for a mirrored set.
     pub mirrored_rms: f64,
 }
 
@@ -43,8 +43,8 @@ impl Similarity {
 
     /// The similarity that brings `from` closest to `to` in weighted least squares.
     ///
-    /// `from`, `to`: `[N]` points. `weights`: `[N]`, not negative; `None` weighs all the same.
-    /// Horn 1987, eq. 33–35. The scale is the one that minimises the distances in the target.
+    /// `from`, `to`: `[N]` points. `weights`: `[N]`, not negative; `None` gives all points the same
+    /// weight. Horn 1987, eq. 33–35. The scale minimises the distances in the target.
     ///
     /// # Errors
     /// `ShapeMismatch` for unequal lengths, `InvalidInput` for non-finite points, fewer than three
@@ -95,12 +95,12 @@ impl Similarity {
         std::array::from_fn(|i| (self.scale * turned[i] + self.translation[i]) as f32)
     }
 
-    /// Turns a direction into the target frame; its length stays.
+    /// Rotates a direction into the target frame and keeps its length.
     pub fn rotate(&self, direction: [f32; 3]) -> [f32; 3] {
         turn(&self.rotation, direction.map(f64::from)).map(|x| x as f32)
     }
 
-    /// The way back: `inverse().apply(apply(p))` is `p`.
+    /// The inverse map: `inverse().apply(apply(p))` is `p`.
     pub fn inverse(&self) -> Similarity {
         let rotation = std::array::from_fn(|i| std::array::from_fn(|j| self.rotation[j][i]));
         let turned = turn(&rotation, self.translation);
@@ -111,7 +111,7 @@ impl Similarity {
         }
     }
 
-    /// First `first`, then `self`.
+    /// The similarity that applies `first`, then `self`.
     pub fn compose(&self, first: &Similarity) -> Similarity {
         let turned = turn(&self.rotation, first.translation);
         Similarity {
@@ -127,7 +127,7 @@ impl Similarity {
         }
     }
 
-    /// Displacements in the mesh's own units and axes as those of the target frame.
+    /// Converts displacements from the mesh's own units and axes to the target frame.
     ///
     /// `displacements`: `[T, N, 3]`, mesh units. Returns `[T, N, 3]`, target units.
     pub fn displacements_to_canonical(&self, displacements: ArrayView3<'_, f32>) -> Array3<f32> {
@@ -143,7 +143,7 @@ impl Similarity {
         out
     }
 
-    /// Brings displacements in the target frame back to the mesh's own units and axes.
+    /// Converts displacements from the target frame back to the mesh's own units and axes.
     ///
     /// `displacements`: `[T, N, 3]`, target units. Returns `[T, N, 3]`, mesh units.
     pub fn displacements_to_mesh(&self, displacements: ArrayView3<'_, f32>) -> Array3<f32> {
@@ -245,7 +245,7 @@ fn rotation_of([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
     ]
 }
 
-/// Places of the largest and the smallest value.
+/// Indices of the largest and the smallest value.
 fn extremes(values: &[f64; 4]) -> (usize, usize) {
     let order = |a: &usize, b: &usize| values[*a].total_cmp(&values[*b]);
     let best = (0..4).max_by(order).unwrap_or(0);
@@ -254,7 +254,7 @@ fn extremes(values: &[f64; 4]) -> (usize, usize) {
 }
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric 4×4 matrix by cyclic Jacobi rotations
-/// (Golub & Van Loan, §8.5); a dozen sweeps are far more than 4×4 needs.
+/// (Golub & Van Loan, §8.5). A dozen sweeps are far more than a 4×4 matrix needs.
 fn symmetric_eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
     let mut v: [[f64; 4]; 4] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));

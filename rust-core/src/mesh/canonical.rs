@@ -1,4 +1,4 @@
-//! The mean landmarks of the canonical face and the way to it.
+//! The mean landmarks of the canonical face, and the fit of other landmarks to them.
 
 use std::sync::LazyLock;
 
@@ -21,17 +21,17 @@ static MEAN: LazyLock<[[f32; 3]; LANDMARKS]> = LazyLock::new(|| {
         .expect("the embedded file is checked by a test")
 });
 
-/// Above this the landmarks are not those of a face, or not in iBUG order. Measured on the training's
-/// heads: 4 mm (at most 8) as they are, at most 18 under its strongest caricature warps; an order
-/// shifted by one gives 28, a shuffled one 44 and more.
+/// Above this distance, the landmarks are not those of a face, or not in iBUG order. The heads of
+/// the training measured 4 mm (at most 8) without warps, and at most 18 mm under the strongest
+/// caricature warps. An order shifted by one gives 28 mm, a shuffled one 44 mm and more.
 const WORST_RMS_M: f64 = 0.022;
 
-/// The same where the caller is certain of [`ENOUGH_CERTAIN`] landmarks or more, but not of all: the points say where
-/// the face is, however little it is like a human one. The snout of an alligator, three times as long as a human
-/// head's nose, comes to 29 mm.
+/// The same limit where the caller is certain of [`ENOUGH_CERTAIN`] landmarks or more, but not of
+/// all. These points say where the face is, even if it hardly resembles a human one. The snout of
+/// an alligator, three times as long as the nose of a human head, measures 29 mm.
 const WORST_RMS_OF_CERTAIN_M: f64 = 0.06;
 const ENOUGH_CERTAIN: usize = 4;
-/// Confidence of what a caller put where it is.
+/// Confidence of a landmark that the caller placed.
 const CERTAIN: f32 = 1.0;
 
 /// Mean landmarks of the canonical face, metres.
@@ -39,8 +39,8 @@ pub fn canonical_landmarks() -> &'static [[f32; 3]; LANDMARKS] {
     &MEAN
 }
 
-/// How much each landmark says about where the head is: eye corners and nose move little from
-/// person to person and under expression, the jaw contour is ill-defined along the jaw.
+/// How much each landmark says about where the head is. The eye corners and the nose move little
+/// from person to person and under expression. Landmarks of the jaw have no clear place along it.
 pub(crate) fn stability(index: usize) -> f64 {
     match index {
         0..=16 => 0.15,
@@ -52,9 +52,9 @@ pub(crate) fn stability(index: usize) -> f64 {
     }
 }
 
-/// The similarity from the mesh's frame to the canonical one, by the landmarks that move least.
+/// The similarity from the mesh's frame to the canonical one. Landmarks that move less weigh more.
 ///
-/// Returns a map to metres: displacements come back through its inverse.
+/// It maps to metres. Its inverse converts displacements back to the mesh's frame.
 /// # Errors
 /// `FaceNotFound` if the landmarks are mirrored, in another order, or not those of a face.
 pub fn align_to_canonical(landmarks: &Landmarks) -> Result<Similarity> {
@@ -74,7 +74,7 @@ pub(crate) fn fit_to_canonical(
     Similarity::fit(positions, canonical_landmarks(), Some(&weights))
 }
 
-/// Says what is wrong with landmarks that do not fit.
+/// Refuses landmarks that do not fit and says what is wrong with them.
 pub(crate) fn check(fit: &Fit, confidence: &[f32; LANDMARKS]) -> Result<()> {
     let certain = confidence.iter().filter(|sure| **sure >= CERTAIN).count();
     let worst_m = match (ENOUGH_CERTAIN..LANDMARKS).contains(&certain) {
@@ -114,7 +114,7 @@ mod tests {
         }
     }
 
-    /// A snout three times as long: nose and mouth lie far before the eyes.
+    /// A snout three times as long as a nose: nose and mouth lie far in front of the eyes.
     #[test]
     fn a_face_that_five_points_place_may_be_longer_than_a_human_one() {
         let mut snout = landmarks(*canonical_landmarks());
@@ -130,7 +130,7 @@ mod tests {
         align_to_canonical(&snout).unwrap();
     }
 
-    /// Ten times as large, on its head, looking along −x.
+    /// Makes a face ten times as large, turns it upside down and lets it look along −x.
     fn elsewhere(p: [f32; 3]) -> [f32; 3] {
         [-10.0 * p[2] + 3.0, -10.0 * p[1] - 40.0, -10.0 * p[0] + 0.5]
     }

@@ -1,4 +1,4 @@
-//! What makes a mesh unusable, and what is merely odd.
+//! Refuses unusable meshes and counts the oddities of usable ones.
 
 use std::collections::HashMap;
 
@@ -10,10 +10,10 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Fewest triangles that can make a face: those of a tetrahedron.
+/// The fewest triangles that a mesh may have: those of a tetrahedron.
 const MIN_TRIANGLES: usize = 4;
 
-/// Oddities of a mesh, none of which stops the work.
+/// Counts of a mesh's elements and oddities. None of the oddities makes it unusable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct MeshReport {
     /// Number of vertices.
@@ -32,16 +32,16 @@ pub struct MeshReport {
     pub nonmanifold_edges: usize,
     /// Edges with one face.
     pub boundary_edges: usize,
-    /// Connected groups of boundary edges: holes, where they do not touch.
+    /// Connected groups of boundary edges. Each is one hole, except where holes touch.
     pub holes: usize,
 }
 
 impl Mesh {
-    /// Whether the mesh can be worked with at all.
+    /// Checks that the mesh is usable at all.
     ///
     /// # Errors
-    /// `Mesh` if there is no vertex, no face or fewer than 4, a vertex is not finite (says how
-    /// many and the first), or a face names a vertex that does not exist.
+    /// `Mesh` if there is no vertex, there are fewer than 4 faces, a vertex is not finite (the
+    /// error says how many and names the first), or a face names a vertex that does not exist.
     pub fn check(&self) -> Result<()> {
         let vertices = self.positions.len();
         if vertices == 0 {
@@ -156,7 +156,7 @@ mod tests {
         let mut mesh = tetrahedron();
         mesh.positions
             .extend([[2.0; 3], [3.0; 3], [4.0; 3], [5.0, 1.0, 0.0], [9.0; 3]]);
-        // A line of three points, a duplicate turned about, a flap on an edge, a repeated corner.
+        // Three points on a line, a duplicate with turned corners, a flap, a repeated corner.
         mesh.triangles
             .extend([[4, 5, 6], [2, 3, 1], [0, 1, 7], [3, 3, 2]]);
         let report = mesh.report();

@@ -2,10 +2,10 @@
 
 use std::cmp::Ordering;
 
-/// The length of a path, the vertex that it ends at, and what the search knows of the path.
+/// The length of a path, its last vertex, and further data that the search keeps about the path.
 ///
-/// The greatest entry is the one with the shortest path, so that a `BinaryHeap` gives the nearest
-/// vertex first; of equally near ones it gives that with the smallest number.
+/// The entry with the shortest path is the greatest, so that a `BinaryHeap` returns the nearest
+/// vertex first. Among equally near vertices, it returns the one with the smallest number.
 pub(crate) struct QueueEntry<T = ()>(pub f32, pub u32, pub T);
 
 impl<T> Ord for QueueEntry<T> {

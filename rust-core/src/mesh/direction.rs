@@ -1,9 +1,11 @@
-//! Directions of a surface. They divide by the length where glam's `normalize` multiplies by its reciprocal,
-//! which rounds twice: every result of the library rests on these bits.
+//! Unit vectors for the directions of a surface.
+//!
+//! `unit` divides by the length. glam's `normalize` multiplies by the reciprocal, which rounds
+//! twice. Every result of the library depends on these bits.
 
 use glam::DVec3;
 
-/// `v / |v|`; the x axis where `v` has no length.
+/// `v / |v|`, or the x axis if the length of `v` is zero or not finite.
 pub(crate) fn unit(v: DVec3) -> DVec3 {
     let length = v.length();
     match length > 0.0 && length.is_finite() {
@@ -12,7 +14,7 @@ pub(crate) fn unit(v: DVec3) -> DVec3 {
     }
 }
 
-/// Two unit vectors that make a right-handed frame (x, y, `axis`).
+/// Two unit vectors x and y that form a right-handed frame (x, y, `axis`).
 pub(crate) fn perpendicular(axis: DVec3) -> (DVec3, DVec3) {
     let seed = if axis.x.abs() < 0.9 {
         DVec3::X

@@ -1,34 +1,35 @@
-//! Which features of a face the finder saw. Missing features rest.
+//! Tells which features of a face the finder saw. Missing features do not move.
 //!
 //! A shape prior puts all 68 landmarks somewhere, even on a face with one eye. Every face has a
 //! mouth. So a feature counts as missing where the networks' confidence in it is low compared with
 //! the mouth's. 24 eyes on eight heads, filled level with the skin, reached 0.10 to 0.63 of their
 //! mouth's confidence (13 below 0.45, 18 below 0.55). Real eyes and brows reached 0.61 and more
-//! (Suzanne's 0.70), one brow under hair 0.48. A jaw never counts as missing: real chins reach as
-//! little (0.08 on a round head with a collar) as cut-off ones (0.75). Brows and noses that were
-//! smoothed away from human heads go unnoticed: the networks place them by the eyes (0.94).
+//! (Suzanne's 0.70), one brow under hair 0.48. A jaw never counts as missing, because a real chin
+//! may reach less (0.08 on a round head with a collar) than a cut-off one (0.75). Where brows and
+//! noses were smoothed away from human heads, the networks do not notice. They infer the places
+//! from the eyes (0.94).
 
 use super::{
     Landmarks,
     ibug::{FEATURES, LANDMARKS, MOUTH},
 };
 
-/// Share of the mouth's confidence up to which a feature counts as missing.
+/// A feature with at most this share of the mouth's confidence counts as missing.
 const MISSING: f32 = 0.45;
-/// Share of the mouth's confidence from which a feature counts as found.
+/// A feature with at least this share of the mouth's confidence counts as found.
 const FOUND: f32 = 0.55;
-/// Confidence of a landmark that the caller placed. The networks' own stays below.
+/// Confidence of a landmark that the caller placed. The networks' confidence stays below it.
 const CERTAIN: f32 = 1.0;
 
-/// By which share each of [`FEATURES`] moves, 0 to 1.
+/// The share, 0 to 1, by which each of [`FEATURES`] moves.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Features {
     shares: [f32; FEATURES.len()],
 }
 
 impl Features {
-    /// From landmarks and their confidence. A single landmark from the caller means that its
-    /// feature is there.
+    /// Judges features by the confidence of their landmarks. A single landmark that the caller
+    /// placed means that its feature is there.
     pub(crate) fn of(landmarks: &Landmarks) -> Features {
         let sure = &landmarks.confidence;
         let reference = mean_estimated(&sure[MOUTH]).or_else(|| mean_estimated(sure));
@@ -44,7 +45,7 @@ impl Features {
         Features { shares }
     }
 
-    /// The same for a face with one eye in its middle: the eye is there, and it has one brow.
+    /// The same for a face with one eye in the middle. The eye is there, and it has one brow.
     pub(crate) fn of_one_eye(self) -> Features {
         let [right_brow, left_brow, _, _, nose] = self.shares;
         let brow = right_brow.max(left_brow);
@@ -58,7 +59,7 @@ impl Features {
         self.shares.iter().all(|share| *share == 1.0)
     }
 
-    /// By which share each landmark moves.
+    /// The share by which each landmark moves.
     pub(crate) fn of_landmarks(&self) -> [f32; LANDMARKS] {
         let mut all = [1.0; LANDMARKS];
         for ((_, range), share) in FEATURES.into_iter().zip(self.shares) {
@@ -67,8 +68,8 @@ impl Features {
         all
     }
 
-    /// By which share a shape of ARKit moves: a shape of one eye or brow moves as far as that
-    /// feature is there.
+    /// The share by which a shape of ARKit moves. A shape of one eye or brow has the share of that
+    /// feature, a shape of both sides has the larger one.
     pub(crate) fn of_shape(&self, name: &str) -> f32 {
         let [right_brow, left_brow, right_eye, left_eye, nose] = self.shares;
         let (right, left) = match name {
@@ -84,7 +85,7 @@ impl Features {
         }
     }
 
-    /// Says which features rest, if any do.
+    /// Says which features do not move or move less, if any.
     pub(crate) fn sentence(&self) -> Option<String> {
         let named = |keep: fn(f32) -> bool| {
             let named = FEATURES.iter().zip(self.shares);
@@ -105,7 +106,7 @@ impl Features {
     }
 }
 
-/// Mean of the confidences below [`CERTAIN`], where there are any above zero.
+/// Mean of the confidences below [`CERTAIN`]. `None` if there are none or all are zero.
 fn mean_estimated(confidence: &[f32]) -> Option<f32> {
     let estimated = confidence.iter().filter(|sure| **sure < CERTAIN);
     let (sum, count) = estimated.fold((0.0, 0u8), |(sum, count), sure| (sum + sure, count + 1));
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_face_that_is_unsure_everywhere_lacks_nothing() {
-        // Suzanne's: she has all features.
+        // Suzanne's confidences. She has all features.
         let suzanne = features(|n| match n {
             17..22 => 0.51,
             22..27 => 0.43,
@@ -162,7 +163,7 @@ mod tests {
         assert_eq!(features(low).of_landmarks()[42], 0.0);
         let fixed = features(|n| if n == 45 { 1.0 } else { low(n) });
         assert!(fixed.are_all());
-        // A mouth that the user fixed makes nothing else less certain.
+        // Other features are no less certain because the user fixed the mouth.
         assert!(features(|n| if n < 48 { 0.5 } else { 1.0 }).are_all());
     }
 

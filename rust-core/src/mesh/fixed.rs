@@ -1,13 +1,13 @@
-//! Landmarks that the caller fixes, while the library finds the others.
+//! Landmarks that the caller fixes. The library finds the others.
 //!
-//! JSON, the format that `Landmarks` are written in, with any of the 68 left out:
+//! They are read from JSON in the format of `Landmarks`. Any of the 68 may be left out:
 //! `{"version": 1, "landmarks": [{"index": 48, "vertex": 1201}, {"index": 8, "position": [x, y, z]}]}`.
-//! Where an entry has both, the position counts.
+//! Where an entry has both a vertex and a position, the position counts.
 
 use super::{Mesh, ibug::LANDMARKS};
 use crate::{Error, Result};
 
-/// One landmark that stays where the caller puts it.
+/// A landmark that stays where the caller puts it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FixedLandmark {
     /// 0 to 67, iBUG order.
@@ -16,14 +16,14 @@ pub struct FixedLandmark {
     pub place: LandmarkPlace,
 }
 
-/// The five landmarks that say where a face is: the outer corners of its right and left eye, the tip of its nose, and
-/// the right and left corner of its mouth. Right and left are the subject's own.
+/// The five landmarks that say where a face is: the outer corners of its right and left eye, the
+/// tip of its nose, and the right and left corner of its mouth. Right and left are the subject's.
 pub const FIVE_POINTS: [usize; 5] = [36, 45, 30, 48, 54];
 
 /// Where a fixed landmark is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LandmarkPlace {
-    /// A point in the mesh's own units; it is put on the nearest fitting place of the surface.
+    /// A point in the mesh's own units. It moves to the nearest suitable point on the surface.
     Position([f32; 3]),
     /// A vertex number.
     Vertex(u32),
@@ -33,7 +33,8 @@ impl FixedLandmark {
     /// Its place, mesh units.
     ///
     /// # Errors
-    /// `InvalidInput` if the index, vertex or position cannot be.
+    /// `InvalidInput` if the index is not below 68, the mesh lacks the vertex, or the position is
+    /// not finite.
     pub(super) fn position_on(&self, mesh: &Mesh) -> Result<[f32; 3]> {
         let index = self.index;
         if index >= LANDMARKS {

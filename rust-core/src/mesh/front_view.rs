@@ -1,9 +1,9 @@
-//! What of some surfaces is seen from the front: a picture of depths without perspective.
+//! A depth picture of surfaces, seen from the front without perspective.
 
-/// Kind of a cell that nothing covers.
+/// The kind of a cell that no surface covers.
 pub const NOTHING: u8 = 0;
 
-/// Square cells over a rectangle, each with the nearest surface over its centre; +z is nearer.
+/// Square cells over a rectangle. Each holds the nearest surface at its centre; +z is nearer.
 ///
 /// ```
 /// use anyface::mesh::FrontView;
@@ -19,7 +19,7 @@ pub struct FrontView {
     cell: f32,
     columns: usize,
     rows: usize,
-    /// Depth and kind, row by row.
+    /// Depth and kind of each cell, row by row.
     nearest: Vec<(f32, u8)>,
 }
 
@@ -47,12 +47,12 @@ impl FrontView {
         self.rows
     }
 
-    /// What is seen in a cell, [`NOTHING`] where nothing is.
+    /// Kind of the surface that is seen in a cell, `NOTHING` if there is none.
     pub fn kind(&self, column: usize, row: usize) -> u8 {
         self.nearest[row * self.columns + column].1
     }
 
-    /// Depth of what is seen in a cell, minus infinity where nothing is.
+    /// Depth of the surface that is seen in a cell, minus infinity if there is none.
     pub fn depth(&self, column: usize, row: usize) -> f32 {
         self.nearest[row * self.columns + column].0
     }
@@ -63,7 +63,7 @@ impl FrontView {
         [at(self.low[0], column), at(self.low[1], row)]
     }
 
-    /// Column and row of the cell that a point lies in, or of the nearest one.
+    /// Column and row of the cell that contains a point, or of the nearest cell.
     pub fn cell_at(&self, point: [f32; 2]) -> [usize; 2] {
         let counts = [self.columns, self.rows];
         std::array::from_fn(|i| {
@@ -72,7 +72,7 @@ impl FrontView {
         })
     }
 
-    /// Draws one triangle, seen from either side.
+    /// Draws one triangle. Both of its sides are visible.
     pub fn draw(&mut self, triangle: [[f32; 3]; 3], kind: u8) {
         let [a, b, c] = triangle;
         let span = |i: usize, count: usize| {
@@ -96,7 +96,7 @@ impl FrontView {
     }
 }
 
-/// Depth of a triangle at a place, where it covers that, seen from either side.
+/// Depth of a triangle at a place, if the triangle covers it. Both of its sides are visible.
 #[inline]
 pub(crate) fn depth_at([a, b, c]: &[[f32; 3]; 3], [x, y]: [f32; 2]) -> Option<f32> {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);

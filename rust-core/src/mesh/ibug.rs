@@ -1,19 +1,20 @@
-//! The 68 landmarks of iBUG 300-W: how many there are, which face each other, which belong together.
-//! Left and right are the subject's.
+//! The 68 landmarks of iBUG 300-W: which mirror each other, which face each other, and which form
+//! one region. Left and right are the subject's.
 
 use std::ops::Range;
 
 /// Number of landmarks `N`.
 pub const LANDMARKS: usize = 68;
 
-/// For each landmark the one on the other side of the face.
+/// For each landmark, its mirror image on the other side of the face; itself on the midline.
 pub const MIRROR: [usize; LANDMARKS] = [
     16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18,
     17, 27, 28, 29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53,
     52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
-/// The parts of a face, as they are told to users. Twin of `REGIONS` in `blender-addon/scene/face/landmarks.py`.
+/// The regions of a face, with the names that users see. Twin of `REGIONS` in
+/// `blender-addon/scene/face/landmarks.py`.
 pub const REGIONS: [(&str, Range<usize>); 5] = [
     ("mouth", MOUTH),
     ("eyes", LIDS),
@@ -22,7 +23,7 @@ pub const REGIONS: [(&str, Range<usize>); 5] = [
     ("jaw", JAW),
 ];
 
-/// What a face may lack; left and right are the subject's.
+/// Features that a face may lack. Left and right are the subject's.
 pub(crate) const FEATURES: [(&str, Range<usize>); 5] = [
     ("right brow", 17..22),
     ("left brow", 22..27),
@@ -40,23 +41,24 @@ pub(crate) const CHIN: usize = 8;
 /// Corners of the mouth, right and left.
 pub(crate) const CORNERS: [usize; 2] = [48, 54];
 
-/// Inner lips that face each other, upper and lower, from the subject's right to the left.
+/// Pairs of inner-lip landmarks that face each other: upper and lower, from the subject's right to
+/// left.
 pub const INNER_LIPS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
-/// The same of the lips' borders.
+/// The same pairs on the outer borders of the lips.
 pub(crate) const OUTER_LIPS: [(usize, usize); 5] =
     [(49, 59), (50, 58), (51, 57), (52, 56), (53, 55)];
 
-/// What lies above speech.
+/// Landmarks of the upper face: brows, bridge of the nose and lids.
 pub(crate) fn upper_face() -> impl Iterator<Item = usize> {
     BROWS.chain(BRIDGE).chain(LIDS)
 }
 
-/// What speech moves.
+/// Landmarks that speech moves: jaw and mouth.
 pub(crate) fn speaking() -> impl Iterator<Item = usize> {
     JAW.chain(MOUTH)
 }
 
-/// One eye: its mode, its landmarks, and its pairs of upper and lower lid.
+/// One eye: the mode that closes it, its landmarks, its pairs of upper and lower lid, and its brow.
 pub(crate) struct Eye {
     pub(crate) mode: &'static str,
     pub(crate) lids: Range<usize>,
@@ -79,11 +81,12 @@ pub(crate) static EYES: [Eye; 2] = [
     },
 ];
 
-/// A pair of inner lips that meet, and how much of their shift their neighbours follow.
+/// Landmarks of the upper and the lower lip that meet. Each has the share by which it follows when
+/// the lips of the column part or close.
 pub(crate) struct LipColumn {
-    /// Inner landmark first.
+    /// Landmark and share, the inner lip first.
     pub(crate) upper: &'static [(usize, f32)],
-    /// Inner landmark first.
+    /// Landmark and share, the inner lip first.
     pub(crate) lower: &'static [(usize, f32)],
 }
 
@@ -102,7 +105,7 @@ pub(crate) static LIP_COLUMNS: [LipColumn; 3] = [
     },
 ];
 
-/// How much asymmetry takes hold: `(right, left, share)`.
+/// Pairs of landmarks on which asymmetry acts, and how strongly: `(right, left, share)`.
 pub(crate) const SIDES: [(usize, usize, f32); 9] = [
     (17, 26, 1.0),
     (18, 25, 1.0),

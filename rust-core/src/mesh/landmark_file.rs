@@ -1,10 +1,13 @@
-//! Landmarks as JSON: a stable format of our own out, three formats in.
+//! Landmarks as JSON: writes one stable format of our own and reads three formats.
 //!
-//! Written: `{"version": 1, "confidence": c, "mouth": "open" | "slit" | "welded", "landmarks":
-//! [{"index": 0, "position": [x, y, z], "vertex": n, "confidence": c}, …]}`, positions in the mesh's
-//! own units and axes; `mouth` only where the mesh was looked at. Read: the same (`vertex` and both
-//! `confidence` optional (1 where it is left out: the writer is certain), `mouth` ignored, `position` optional where `vertex` is given), or a plain
-//! list of 68 points `[[x, y, z], …]`, or a plain list of 68 vertex numbers.
+//! The format that is written: `{"version": 1, "confidence": c, "mouth": "open" | "slit" |
+//! "welded", "landmarks": [{"index": 0, "position": [x, y, z], "vertex": n, "confidence": c}, …]}`.
+//! Positions are in the mesh's own units and axes. `mouth` is there only if the mesh was examined.
+//!
+//! The formats that are read: this one, a plain list of 68 points `[[x, y, z], …]`, or a plain list
+//! of 68 vertex numbers. In the first, `vertex` and both `confidence` are optional, `position` is
+//! optional if `vertex` is given, and `mouth` is ignored. A landmark without `confidence` gets 1:
+//! its writer is certain.
 
 use std::path::Path;
 
@@ -18,7 +21,7 @@ use crate::{
     job::{InputKind, read_text},
 };
 
-/// The format's version, raised when a reader of the old one would misread the new one.
+/// The format's version. Raise it when a reader of the old version would misread the new one.
 const VERSION: u32 = 1;
 
 #[derive(Serialize, Deserialize)]
@@ -39,17 +42,17 @@ struct Entry {
 }
 
 impl Landmarks {
-    /// How sure the whole face is: the mean over its landmarks, 0 to 1.
+    /// Confidence of the whole face, 0 to 1: the mean over its landmarks.
     pub fn overall_confidence(&self) -> f32 {
         self.confidence.iter().sum::<f32>() / LANDMARKS as f32
     }
 
-    /// The JSON document, one landmark a line.
+    /// The JSON document, with one landmark per line.
     pub fn to_json(&self) -> String {
         self.document(None)
     }
 
-    /// The JSON document that says how the lips meet, too.
+    /// The JSON document, which also says how the lips meet.
     pub fn to_json_with_mouth(&self, mouth: Mouth) -> String {
         self.document(Some(mouth))
     }
@@ -96,8 +99,8 @@ impl LandmarkSource {
     /// Reads any of the three formats.
     ///
     /// # Errors
-    /// `InvalidInput` if the text is in none of them, has another version, or misses a landmark;
-    /// `ShapeMismatch` for a plain list of another length than 68.
+    /// `InvalidInput` if the text has none of these formats, has another version, or lacks a
+    /// landmark; `ShapeMismatch` if a plain list does not have 68 items.
     pub fn from_json(text: &str) -> Result<Self> {
         let invalid = |e: serde_json::Error| Error::InvalidInput(format!("landmarks: {e}"));
         let value: serde_json::Value = serde_json::from_str(text).map_err(invalid)?;
@@ -131,7 +134,7 @@ fn expect_all(count: usize, expected: &str) -> Result<()> {
     })
 }
 
-/// Any number of landmarks in the format above.
+/// Reads any number of landmarks in the format that this module writes.
 ///
 /// # Errors
 /// As [`FixedLandmark::from_json`].
@@ -167,7 +170,7 @@ fn from_document(document: Document) -> Result<LandmarkSource> {
         .or_else(|_| collect(&entries, |e| e.vertex).map(LandmarkSource::Vertices))
 }
 
-/// The entries by their index.
+/// Puts each entry at its index, `[68]`; `None` for landmarks that are left out.
 fn slots(document: Document) -> Result<Vec<Option<Entry>>> {
     if document.version != VERSION {
         return Err(Error::InvalidInput(format!(
@@ -219,8 +222,8 @@ impl FixedLandmark {
     /// Reads any number of fixed landmarks, the lowest index first.
     ///
     /// # Errors
-    /// `InvalidInput` if the text is not in the format, has another version, an index above 67 or
-    /// twice, or an entry without place.
+    /// `InvalidInput` if the text is not in the format or has another version, if an index is above
+    /// 67 or appears twice, or if an entry has neither a position nor a vertex.
     pub fn from_json(text: &str) -> Result<Vec<Self>> {
         fixed_from_json(text)
     }

@@ -1,10 +1,10 @@
-//! Which lip a triangle belongs to.
+//! Decides which lip a vertex belongs to.
 //!
-//! A closed mouth is two surfaces that almost touch, so the nearest surface of an inner-lip
-//! landmark is as often the wrong lip as the right one, and a landmark on the wrong lip drags that
-//! lip along. Distance along the surface tells them apart: upper-lip skin is nearer to the upper
-//! outer lip landmarks than to the lower ones, because every way to the other lip leads around a
-//! corner of the mouth or through its inside.
+//! A closed mouth consists of two surfaces that almost touch. The surface nearest to an inner-lip
+//! landmark is the wrong lip as often as the right one, and a landmark on the wrong lip drags that
+//! lip along. Distance along the surface tells the lips apart. Skin of the upper lip is nearer to
+//! the upper outer-lip landmarks than to the lower ones, because every path to the other lip leads
+//! around a corner of the mouth or through its inside.
 
 use std::collections::BinaryHeap;
 
@@ -12,7 +12,7 @@ use glam::Vec3;
 
 use super::{Mesh, dijkstra::QueueEntry};
 
-/// A lip, or neither where the surface does not reach one.
+/// One of the two lips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Lip {
     Upper,
@@ -28,10 +28,11 @@ pub(crate) fn lip_of_landmark(index: usize) -> Option<Lip> {
     }
 }
 
-/// `[V]`: the lip whose outer vertices are nearer along the edges, up to `radius` (mesh units).
+/// `[V]`: the lip whose outer landmarks are nearer along the edges, within `radius` (mesh units).
 ///
-/// Dijkstra from both lips at once; `upper` and `lower` are vertices of landmarks 49–53 and 55–59.
-/// Vertices that neither reaches stay `None`: a lip modelled as a part of its own, for example.
+/// Runs Dijkstra's algorithm from both lips at once. `upper` and `lower` are the vertices of
+/// landmarks 49–53 and 55–59. Vertices that neither lip reaches stay `None`, for example those of a
+/// lip modelled as a separate part.
 pub(crate) fn lip_of_vertices(
     mesh: &Mesh,
     upper: &[u32],
@@ -62,7 +63,8 @@ pub(crate) fn lip_of_vertices(
     lips
 }
 
-/// Edges as compressed rows; only those of triangles near the seeds, the rest of a body is left out.
+/// Edges in compressed rows. Only triangles near the seeds count, so the rest of a body is left
+/// out.
 struct Neighbours {
     starts: Vec<u32>,
     vertices: Vec<u32>,

@@ -1,4 +1,4 @@
-//! Triangle meshes as artists have them: read, check, split into parts, find the face, align.
+//! Reads and checks artists' triangle meshes, splits them into parts, finds and aligns the face.
 
 mod align;
 mod canonical;
@@ -69,7 +69,7 @@ pub struct Mesh {
 pub struct Landmarks {
     /// `[68]`, in the mesh's own units and axes.
     pub positions: [[f32; 3]; 68],
-    /// Nearest vertex of each landmark.
+    /// The vertex nearest to each landmark.
     pub vertices: [u32; 68],
     /// Confidence of each, 0 to 1; 1 where the caller is certain of it.
     pub confidence: [f32; 68],
@@ -78,13 +78,14 @@ pub struct Landmarks {
 /// Landmarks as a caller gives them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LandmarkSource {
-    /// 68 points in the mesh's own units; each is put on the nearest fitting place of the surface.
+    /// 68 points in the mesh's own units. Each moves to the nearest suitable place on the surface.
     Positions(Vec<[f32; 3]>),
     /// 68 vertex numbers.
     Vertices(Vec<u32>),
-    /// 68 points, each with a vertex number and how sure it is. A point at the very place of its vertex stays on that vertex:
-    /// two rims of closed lips lie in one place, and a point alone names neither. All others are put on the
-    /// nearest fitting place of the surface, as if the number were not there.
+    /// 68 points, each with a vertex number and a confidence. A point that lies at its vertex stays
+    /// on that vertex: the two rims of closed lips may lie in one place, and a point alone cannot
+    /// say which one it means. All other points move to the nearest suitable place on the surface,
+    /// as if they had no vertex number.
     Known(Vec<KnownLandmark>),
 }
 
@@ -95,7 +96,7 @@ pub struct KnownLandmark {
     pub position: [f32; 3],
     /// The vertex that it may lie on.
     pub vertex: u32,
-    /// How sure it was when it was found, 0 to 1; 1 where the caller is certain of it.
+    /// Confidence with which it was found, 0 to 1; 1 where the caller is certain of it.
     pub confidence: f32,
 }
 
@@ -123,7 +124,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Every axis, the common ways to face first.
+    /// Every axis. The directions in which meshes commonly face come first.
     pub const ALL: [Axis; 6] = [
         Axis::PosZ,
         Axis::NegY,

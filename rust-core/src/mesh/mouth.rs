@@ -9,21 +9,21 @@ use super::{Landmarks, Mesh, dijkstra::QueueEntry, parts::weld_seams};
 /// Inner-lip landmarks that face each other, upper and lower.
 const PAIRS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
 
-/// Lips are welded where the shortest path along the surface between them is at most this many
-/// times their straight distance, plus this share of the mouth's width (15 mm on a human head: a
-/// groove, not a mouth's inside).
+/// Lips are welded if the shortest path between them along the surface is at most this many times
+/// their straight distance, plus `GROOVE_IN_WIDTHS` times the mouth's width.
 const DETOUR: f32 = 1.5;
+/// 15 mm on a human head: enough for a groove, too little for the inside of a mouth.
 const GROOVE_IN_WIDTHS: f32 = 0.3;
 
 /// Lips further apart than this share of the mouth's width are open (5 mm).
 const OPEN_IN_WIDTHS: f32 = 0.1;
 
-/// Vertices this close to an inner-lip landmark, as a share of the mouth's width, are never sewn: a
-/// closed slit looks like a texture seam.
+/// Vertices this close to an inner-lip landmark, as a share of the mouth's width, are not sewn,
+/// because a closed slit looks like a texture seam.
 const APART_IN_WIDTHS: f32 = 0.2;
 
-/// Where more than this share of these vertices lies on seams, the mesh is cut along every edge
-/// (flat shading), and the seams have no meaning.
+/// If more than this share of the vertices near the inner lips lies on seams, the mesh is cut along
+/// every edge (flat shading). Its seams then mean nothing, and all of them are sewn.
 const FLAT_SHARE: f32 = 0.6;
 
 /// How the lips of a mesh meet.
@@ -84,11 +84,11 @@ impl Mouth {
     }
 }
 
-/// Edges around the mouth, texture seams sewn.
+/// Edges around the mouth, with texture seams sewn up.
 struct Roads {
-    /// `[V]`, the vertex that stands for each.
+    /// `[V]`, the vertex that stands for each vertex.
     sewn: Vec<u32>,
-    /// Sorted pairs of joined vertices, both ways.
+    /// Sorted pairs of vertices that share an edge, in both directions.
     edges: Vec<(u32, u32)>,
 }
 
@@ -122,7 +122,7 @@ impl Roads {
         Roads { sewn, edges }
     }
 
-    /// Whether a path of at most `reach` joins two vertices.
+    /// Whether a path no longer than `reach` joins two vertices.
     fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
         let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
         let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
@@ -146,7 +146,7 @@ impl Roads {
     }
 }
 
-/// Whether most vertices of `apart` that have faces lie on seams.
+/// Whether more than `FLAT_SHARE` of the vertices of `apart` that have faces lie on seams.
 fn flat_shaded(triangles: &[[u32; 3]], apart: &[u32], sewn: &[u32]) -> bool {
     let mut group = std::collections::HashMap::new();
     let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
@@ -171,8 +171,8 @@ mod tests {
     use super::*;
     use crate::mesh::{canonical_landmarks, ibug::LANDMARKS};
 
-    /// A sheet under the mean mouth, cut along the inner lips over the mouth's width where `cut`;
-    /// the lower bank is `drop` metres lower.
+    /// A sheet at the mean mouth. If `cut`, it is cut along the inner lips over the mouth's width.
+    /// The lower bank lies `drop` metres lower.
     fn sheet(cut: bool, drop: f32) -> (Mesh, Landmarks) {
         let mean = canonical_landmarks();
         let middle = 0.5 * (mean[62][1] + mean[66][1]);

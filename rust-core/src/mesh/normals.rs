@@ -25,8 +25,8 @@ impl Mesh {
         vectors.iter().map(|&n| 0.5 * n.length()).collect()
     }
 
-    /// Area-weighted unit normal of each vertex. Returns `[V, 3]`; zero where a vertex has no
-    /// face, or faces that cancel.
+    /// Area-weighted unit normal of each vertex. Returns `[V, 3]`; zero for a vertex that has no
+    /// face or whose faces cancel out.
     pub fn vertex_normals(&self) -> Vec<[f32; 3]> {
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         for (t, n) in self.triangles.iter().zip(self.face_area_vectors()) {

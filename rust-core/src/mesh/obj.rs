@@ -2,7 +2,7 @@
 //!
 //! This does not use tobj 4. Even with all options off, tobj numbers the vertices of each object in
 //! the order in which faces use them and drops unused ones, so that shape keys and caches would
-//! move the wrong vertices of a user's mesh. tobj is the twin in the tests.
+//! move the wrong vertices of a user's mesh. The tests compare with tobj.
 
 use super::{Mesh, polygons::triangulate};
 use crate::{Error, Result};
@@ -19,7 +19,7 @@ pub(crate) fn obj_text(bytes: &[u8]) -> String {
     text.replace("\\\r\n", " ").replace("\\\n", " ")
 }
 
-/// What some editors put before text in UTF-8.
+/// The bytes that some editors put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// Parses an OBJ file.
@@ -55,7 +55,7 @@ pub(super) fn parse_obj(bytes: &[u8]) -> Result<Mesh> {
 }
 
 /// Texture coordinates of each corner of each triangle, `[F, 3]`; 0 where a polygon has none.
-/// `None` where no polygon has any.
+/// `None` if the file has none or its faces cannot be read.
 pub(super) fn corner_coordinates(text: &str, mesh: &Mesh) -> Option<Vec<[[f32; 2]; 3]>> {
     let mut known: Vec<[f32; 2]> = Vec::new();
     let (mut polygons, mut vertices) = (Vec::new(), 0);
@@ -123,7 +123,8 @@ fn position<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<[f3
     Ok(out)
 }
 
-/// Vertex numbers from 0. Negative numbers in the file count back from the latest vertex.
+/// Vertex numbers of a face, counted from 0. Negative numbers in the file count back from the
+/// latest vertex.
 fn corners<'a>(
     words: impl Iterator<Item = &'a str>,
     so_far: usize,
@@ -195,7 +196,7 @@ l 1 2
             ignore_lines: true,
             ..Default::default()
         };
-        // tobj wants colours on all vertices or none, and no weights.
+        // tobj accepts colours only on all vertices or on none, and it accepts no weights.
         let text = TWO_OBJECTS
             .replace("\\\n", "")
             .replace(" 0.5 0.5 0.5", "")

@@ -1,4 +1,4 @@
-//! Which vertices hang together: connected parts, and seams to sew up.
+//! Finds the connected parts of a mesh, and the seams to sew up.
 
 use std::collections::HashMap;
 
@@ -33,7 +33,7 @@ impl DisjointSets {
     }
 }
 
-/// No part: a vertex that belongs to no face.
+/// The part number of a vertex that belongs to no face.
 pub const NO_PART: u32 = u32::MAX;
 
 /// Connected parts of a mesh, in the order of their first vertex.
@@ -96,18 +96,18 @@ impl Parts {
     }
 }
 
-/// Share of a hole's rim that has to fit another for the two to be a seam. Parts that merely
-/// touch, such as lashes on the fluid of the eye, share an edge or two by chance.
+/// Two rims are a seam only if at least this share of the edges of one of them face other edges.
+/// Parts that merely touch, such as lashes on the fluid of the eye, share an edge or two by chance.
 const SEAM_SHARE: f64 = 0.2;
 
-/// For each vertex the vertex that stands for it when seams are sewn up (itself for most).
+/// Sews up seams: returns for each vertex the vertex that stands for it (itself for most).
 ///
-/// Exporters split vertices along texture seams: both banks of the seam then have boundary edges
-/// at exactly the same place, running opposite ways. Only such pairs are sewn, where exactly one
-/// edge lies on each bank and a fifth of either rim fits; touching lips or lids, whose edges are
-/// not boundaries or whose vertices merely coincide, stay apart. A mouth whose closed lips are the
-/// two halves of one open slit cannot be told from a seam by connectivity: name those vertices in
-/// `keep_apart`.
+/// Exporters split vertices along texture seams. Both banks of the seam then have boundary edges
+/// at exactly the same place, which run opposite ways. Only such pairs are sewn, and only if each
+/// bank has exactly one edge there and a fifth of the edges of either rim have such a partner.
+/// Touching lips or lids stay apart, because their edges are not boundaries or their vertices
+/// merely coincide. Connectivity cannot tell a seam from a mouth whose closed lips are the two
+/// halves of one open slit: name the vertices of such a mouth in `keep_apart`.
 ///
 /// # Shapes
 /// `positions`: `[V]`; `triangles`: `[F]`; `keep_apart`: vertices that are never sewn.
@@ -147,10 +147,10 @@ pub fn weld_seams(positions: &[[f32; 3]], triangles: &[[u32; 3]], keep_apart: &[
     (0..positions.len() as u32).map(|v| sets.find(v)).collect()
 }
 
-/// Boundary edges with exactly one other at the same place and the other way round, and that
-/// other; both orders of each pair.
+/// Pairs of boundary edges that lie at the same place, run opposite ways and have no third edge
+/// there. Each pair appears in both orders.
 fn facing_edges(positions: &[[f32; 3]], edges: &[(u32, u32)]) -> Vec<((u32, u32), (u32, u32))> {
-    // Adding zero makes −0 and 0 one place.
+    // Adding zero turns −0 into 0, so that both are the same place.
     let place = |v: u32| positions[v as usize].map(|x| (x + 0.0).to_bits());
     let mut banks: HashMap<_, Vec<(u32, u32)>> = HashMap::new();
     for &(a, b) in edges {
@@ -207,8 +207,8 @@ mod tests {
 
     #[test]
     fn a_split_seam_is_sewn_and_a_touching_point_is_not() {
-        // Two triangles of a square with the diagonal's vertices doubled, and a third triangle
-        // that touches one corner.
+        // Two triangles form a square whose diagonal has doubled vertices. A third triangle touches
+        // one corner.
         let positions = [
             [0.0, 0.0, 0.0],
             [1.0, 0.0, 0.0],
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn parts_that_share_one_edge_by_chance_stay_apart() {
-        // Two strips of eight cells that lie against each other with one cell's end.
+        // Two strips of eight cells each touch end to end, along one edge.
         let mut positions = Vec::new();
         let mut triangles = Vec::new();
         for offset in [0.0, 8.0] {

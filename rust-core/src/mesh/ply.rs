@@ -1,4 +1,4 @@
-//! PLY, ascii and binary, through ply-rs-bw.
+//! Reads PLY, ascii and binary, with ply-rs-bw.
 
 use ply_rs_bw::{
     parser::{Parser, Reader},
@@ -14,11 +14,11 @@ use crate::{Error, Result};
 /// Ends one strip in a list of triangle strips.
 const STRIP_END: i64 = -1;
 
-/// A vertex, a face or a list of triangle strips, whichever the file's element is.
+/// A vertex, a face or a list of triangle strips, depending on the element in the file.
 #[derive(Debug, Default)]
 struct Record {
     position: [f32; 3],
-    /// In a texture, 0 below.
+    /// Texture coordinates, with 0 at the bottom.
     coordinates: [f32; 2],
     corners: Vec<i64>,
 }
@@ -56,7 +56,8 @@ impl PropertyAccess for Record {
     }
 }
 
-/// Of a texture, which a mesh does without.
+/// Sets a texture coordinate. A value that is not a finite number is ignored, because a mesh does
+/// not need texture coordinates.
 fn coordinate(slot: &mut f32, property: Property) -> PropertyAccessResult {
     match property.to_f32_lossy().filter(|value| value.is_finite()) {
         Some(value) => {
@@ -67,7 +68,7 @@ fn coordinate(slot: &mut f32, property: Property) -> PropertyAccessResult {
     }
 }
 
-/// The values of an integer list, negative ones too.
+/// The values of an integer list, including negative ones.
 fn integers(property: Property) -> Option<Vec<i64>> {
     match property {
         Property::ListInt(values) => Some(values.into_iter().map(i64::from).collect()),
@@ -97,7 +98,8 @@ fn read(bytes: &[u8]) -> Result<(Header, Payload<Record>)> {
     Ok((header, payload))
 }
 
-/// Where the vertices lie in a texture, `[V]`, 0 below, where the file says so.
+/// Texture coordinates of the vertices, `[V]`, with 0 at the bottom. `None` if the file has none or
+/// cannot be read.
 pub(super) fn vertex_coordinates(bytes: &[u8]) -> Option<Vec<[f32; 2]>> {
     let (header, payload) = read(bytes).ok()?;
     let has = |name: &str| {
@@ -114,9 +116,9 @@ pub(super) fn vertex_coordinates(bytes: &[u8]) -> Option<Vec<[f32; 2]>> {
     Some(vertices.iter().map(|r| r.coordinates).collect())
 }
 
-/// Parses a PLY file: `vertex`, `face` and `tristrips` (triangle strips in one list with −1 between
-/// them, every other triangle turned, as the Stanford repository writes them). Other elements are
-/// passed over.
+/// Parses a PLY file: `vertex`, `face` and `tristrips`. The last are triangle strips in one list,
+/// with −1 between them and every other triangle turned, as the Stanford repository writes them.
+/// Other elements are skipped.
 pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
     let (_, payload) = read(bytes)?;
     let records = |name: &str| payload.get(name).map_or(&[][..], Vec::as_slice);
@@ -132,7 +134,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
             let strip = vertex_numbers(strip)?;
             for (index, corners) in strip.windows(3).enumerate() {
                 let [a, b, c] = [corners[0], corners[1], corners[2]];
-                // A corner that repeats sews strips together and spans no triangle.
+                // A repeated corner joins two strips and spans no triangle.
                 if a != b && b != c && a != c {
                     mesh.add_polygon(&if index % 2 == 0 { [a, b, c] } else { [b, a, c] })?;
                 }
@@ -142,8 +144,9 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Holds the counts that a header claims against the bytes that follow it: a record takes at least its
-/// numbers and the counts of its lists, and one byte where it has none.
+/// Checks the counts that a header claims against the number of bytes that follow it. A record
+/// takes at least the bytes of its numbers and of the counts of its lists, or one byte if it has
+/// neither.
 fn check_counts(header: &Header, left: usize) -> Result<()> {
     let mut needed = 0usize;
     for element in header.elements.values() {
@@ -158,7 +161,7 @@ fn check_counts(header: &Header, left: usize) -> Result<()> {
             .map(|property| smallest(&property.data_type))
             .sum();
         needed = needed.saturating_add(element.count.saturating_mul(record.max(1)));
-        // The last line may lack its end.
+        // The last line may lack its line break.
         if needed > left.saturating_add(1) {
             return Err(Error::Mesh(format!(
                 "damaged PLY: expected {} of {:?} in at least {needed} bytes, got {left}",

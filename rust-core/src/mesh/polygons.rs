@@ -1,15 +1,16 @@
-//! Polygons to triangles.
+//! Turns polygons into triangles.
 
 use glam::{DVec3, Vec3};
 
 use super::direction::{perpendicular, unit};
 
-/// Ears are clipped at quadratic cost; larger concave polygons become fans, so that no mesh costs more than
-/// so much for each of its corners.
+/// The most corners of a concave polygon whose ears are clipped. Clipping has quadratic cost, so
+/// larger polygons become fans. This limits the cost per corner of a mesh.
 const MAX_CLIPPED: usize = 1024;
 
-/// Appends the triangles of one polygon: a fan where it is convex, clipped ears where it is not.
-/// Repeated corners in a row are dropped; fewer than three corners give nothing.
+/// Appends the triangles of one polygon: a fan if it is convex, clipped ears if it is not.
+/// A polygon of three corners is appended as it is. From all others, repeated corners in a row are
+/// dropped; fewer than three corners give nothing.
 pub(crate) fn triangulate(positions: &[[f32; 3]], polygon: &[u32], out: &mut Vec<[u32; 3]>) {
     if let [a, b, c] = *polygon {
         out.push([a, b, c]);
@@ -54,8 +55,8 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 fn clip_ears(corners: &[u32], flat: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
     let mut left: Vec<usize> = (0..corners.len()).collect();
     let mut clipped = vec![false; corners.len()];
-    // Corners of the polygon below which none lies in the ear at a corner. Points only go, so that the
-    // search goes on where it has stopped, until the ear itself changes.
+    // For each corner, the number of the polygon's corner up to which none lies in its ear. Corners
+    // are only ever removed, so the search resumes where it stopped until the ear itself changes.
     let mut searched = vec![0; corners.len()];
     while left.len() > 3 {
         let n = left.len();
@@ -65,7 +66,7 @@ fn clip_ears(corners: &[u32], flat: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
             let from = &mut searched[ear[1]];
             is_free(ear, from, &clipped, flat)
         };
-        // A polygon that crosses itself may have no ear: cut any corner then.
+        // A polygon that crosses itself may have no ear: then cut any corner.
         let ear = (0..n).find(is_ear).unwrap_or(1);
         let [before, tip, after] = around(ear);
         out.push([before, tip, after].map(|i| corners[i]));
@@ -75,8 +76,8 @@ fn clip_ears(corners: &[u32], flat: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
     out.push([0, 1, 2].map(|i| corners[left[i]]));
 }
 
-/// Whether a corner points outwards and holds no other that is left; `from` is moved on to the first that
-/// it holds.
+/// Whether a corner points outwards and none of the remaining corners lies in its ear. Moves `from`
+/// on to the first corner that does.
 fn is_free(ear: [usize; 3], from: &mut usize, clipped: &[bool], flat: &[[f64; 2]]) -> bool {
     let [a, b, c] = ear.map(|i| flat[i]);
     let outside = |p: [f64; 2]| turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0;
@@ -132,7 +133,8 @@ mod tests {
         assert!(out[1..].iter().all(|t| t.iter().all(|&v| v < 3)));
     }
 
-    /// The rule in its plainest form: the first corner that is an ear, over and over, at cubic cost.
+    /// The rule in its plainest form: clips the first corner that is an ear, again and again, at
+    /// cubic cost.
     fn clip_plainly(corners: &[u32], flat: &[[f64; 2]]) -> Vec<[u32; 3]> {
         let mut left: Vec<usize> = (0..corners.len()).collect();
         let mut out = Vec::new();
@@ -155,7 +157,7 @@ mod tests {
         out
     }
 
-    /// A polygon whose every corner but few is blocked: a comb with teeth into each other.
+    /// A polygon through random points crosses itself, so that most of its corners are blocked.
     #[test]
     fn a_thousand_corners_that_cross_are_clipped_soon() {
         let n = MAX_CLIPPED as u32;
@@ -174,7 +176,7 @@ mod tests {
             triangles: Vec::new(),
         };
         let polygon: Vec<u32> = (0..n).collect();
-        // Cubic cost takes minutes for these.
+        // At cubic cost these would take minutes.
         for _ in 0..40 {
             triangulate(&mesh.positions, &polygon, &mut mesh.triangles);
         }

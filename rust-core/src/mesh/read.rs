@@ -1,4 +1,4 @@
-//! Meshes from files and from a host's arrays.
+//! Makes meshes from files and from a host's arrays.
 
 use std::path::Path;
 
@@ -9,15 +9,14 @@ use crate::{
 };
 
 impl Mesh {
-    /// Reads an OBJ, PLY (ascii or binary) or binary glTF file, told apart by content.
+    /// Reads an OBJ, PLY (ascii or binary) or binary glTF file. The content decides the format.
     ///
-    /// Vertices keep the file's own order and count, several objects stand one after the other
-    /// as in the file, polygons are triangulated. Materials, normals and texture coordinates are
-    /// passed over.
+    /// Vertices keep the file's own order and count. Several objects follow one another as in the
+    /// file. Polygons are triangulated. Materials, normals and texture coordinates are skipped.
     ///
     /// # Errors
-    /// `Io` if the file cannot be read; `Mesh` if it is none of these formats, is damaged, or fails
-    /// [`Mesh::check`].
+    /// `Io` if the file cannot be read; `Mesh` if it is in none of these formats, is damaged, or
+    /// fails [`Mesh::check`].
     pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
         let path = path.as_ref();
         let bytes = read_file(path, InputKind::Mesh)?;
@@ -27,10 +26,10 @@ impl Mesh {
         })
     }
 
-    /// [`Mesh::read`] from the bytes of a file.
+    /// Like [`Mesh::read`], but from the bytes of a file.
     ///
     /// # Errors
-    /// `Mesh`, as there.
+    /// `Mesh`, as [`Mesh::read`].
     pub fn parse(bytes: &[u8]) -> Result<Mesh> {
         let mesh = guarded(Error::Mesh, || {
             if bytes.starts_with(b"ply") {

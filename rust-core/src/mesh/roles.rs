@@ -25,13 +25,14 @@ pub enum PartRole {
     Jaw,
     /// Follows the skull: upper teeth, upper gums, glasses, hair.
     Skull,
-    /// Holds both jaws, such as gums with a tongue or the mouth's lining: passes from one to the other.
+    /// Spans both jaws, such as gums with a tongue or the mouth's lining: follows the skull at the
+    /// top, the lower jaw at the bottom, and blends in between.
     Mouth,
     /// Follows the skin nearest to its roots: lashes, brows, beards.
     Nearest,
-    /// An eyeball: rests and never deforms, ready to be turned by its owner.
+    /// An eyeball: rests and never deforms, so that its owner can turn it.
     Gaze,
-    /// No part of the face: rests.
+    /// Not part of the face: rests.
     Still,
 }
 
@@ -47,7 +48,7 @@ impl PartRole {
         PartRole::Still,
     ];
 
-    /// The word for it, as the command line and JSON have it.
+    /// Its name on the command line and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             PartRole::Skin => "skin",
@@ -83,7 +84,7 @@ impl FromStr for PartRole {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoleSource {
-    /// Its shape and its place beside the landmarks.
+    /// Its shape and its place relative to the landmarks.
     Shape,
     /// The caller.
     Caller,
@@ -94,7 +95,7 @@ pub enum RoleSource {
 pub struct Part {
     /// Counted from 0 in the order of the parts' first vertices, with seams sewn up.
     pub number: u32,
-    /// The object of the file that most of its vertices belong to, where the file names objects.
+    /// The object of the file that has the most of its vertices; `None` if no object has any.
     pub name: Option<String>,
     /// How it behaves.
     pub role: PartRole,
@@ -102,18 +103,18 @@ pub struct Part {
     pub source: RoleSource,
     /// Number of its vertices.
     pub vertices: usize,
-    /// Lowest coordinates of its box, mesh units and axes.
+    /// Lowest coordinates of its bounding box, in the mesh's units and axes.
     pub low: [f32; 3],
-    /// Highest coordinates of its box.
+    /// Highest coordinates of its bounding box.
     pub high: [f32; 3],
 }
 
 /// The parts that a caller selects.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartSelector {
-    /// The part of this number.
+    /// The part with this number.
     Number(u32),
-    /// Every part most of whose vertices belong to the object of this name.
+    /// Every part that has most of its vertices in the object with this name.
     Name(String),
 }
 
@@ -126,7 +127,7 @@ pub struct PartChoices {
     pub names: ObjectNames,
 }
 
-/// The objects (`o`) or else groups (`g`) of a file, for each vertex.
+/// The object (`o`) of each vertex in a file, or its group (`g`) if the file has no objects.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ObjectNames {
     /// In the order of the file.
@@ -136,7 +137,7 @@ pub struct ObjectNames {
 }
 
 impl ObjectNames {
-    /// Reads them from an OBJ file; other formats have none.
+    /// Reads the names from an OBJ file; other formats have none.
     ///
     /// # Errors
     /// `Io` if the file cannot be read.
@@ -149,8 +150,10 @@ impl ObjectNames {
         })
     }
 
-    /// A vertex belongs to the first object with a face on it. Where a file has both objects and
-    /// groups, objects count.
+    /// Reads the names from the text of an OBJ file.
+    ///
+    /// A vertex belongs to the first object with a face that uses it. If a file has both objects
+    /// and groups, the objects count.
     pub fn of_obj(text: &str) -> ObjectNames {
         let keyword = match text.lines().any(|line| line.starts_with("o ")) {
             true => "o",
@@ -193,7 +196,7 @@ impl ObjectNames {
                 Some(n) if n < 0 && n >= -(count as i64) => (count as i64 + n) as usize,
                 _ => continue,
             };
-            // A number beyond the vertices is skipped: reading the mesh refuses it.
+            // Skip a number beyond the vertices: reading the mesh refuses it.
             if let Some(of_vertex) = self.of_vertex.get_mut(vertex)
                 && *of_vertex == NO_PART
             {
@@ -202,7 +205,7 @@ impl ObjectNames {
         }
     }
 
-    /// For each part the object with most of its vertices.
+    /// For each part, the name of the object that has the most of its vertices.
     pub(crate) fn of_parts(&self, parts: &[Vec<u32>]) -> Vec<Option<&str>> {
         let object = |v: &u32| self.of_vertex.get(*v as usize).copied();
         parts

@@ -5,30 +5,31 @@
 //!
 //! - An edge's cost includes its length relative to a requested length, so that triangles become
 //!   even. A flat cheek of three huge triangles is exact and useless.
-//! - Every removed vertex names the neighbour into which it collapsed. So values of one surface are
-//!   found on the other by walking along it, and lips that touch in space stay apart.
+//! - Every removed vertex names the neighbour into which it collapsed. A value of one surface can
+//!   therefore be found on the other by walking along it, and lips that touch in space stay apart.
 //!
 //! meshoptimizer's simplifier offers neither and would put a C++ runtime into every host. Remaining
-//! vertices keep their place. No edge gets more than two faces that did not have them before. Rims
-//! shrink only along themselves.
+//! vertices keep their place. An edge with at most two faces never gets a third. Vertices on a rim
+//! collapse only along the rim.
 //!
 //! The result depends on the input alone, not on the number of threads.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Most passes.
+/// The most passes.
 const MOST_PASSES: usize = 200;
-/// A face may turn by at most this cosine when a corner moves.
+/// When a corner moves, the cosine between the old and the new normal of a face stays above this.
 const LEAST_COSINE: f64 = 0.2;
 /// How much a rim resists leaving its line.
 const RIM_WEIGHT: f64 = 10.0;
-/// A pass collapses more edges while the surface still has this many times the requested vertices:
-/// a later pass would collapse them anyway.
+/// While the surface has more than this many times the requested vertices, a pass collapses more
+/// edges: a later pass would collapse them anyway.
 const FAR: usize = 4;
-/// Share of the wishes in one pass, near the end and far from it. A bad collapse of this pass may
-/// be a better one in a later pass.
+/// One pass grants this share of the wishes, the cheapest ones, near the end. A vertex whose
+/// collapse is bad in this pass may have a better one in a later pass.
 const NEAR_SHARE: f64 = 0.5;
+/// The same share far from the end.
 const FAR_SHARE: f64 = 0.9;
 
 /// Limits of a simplification.
@@ -36,15 +37,15 @@ const FAR_SHARE: f64 = 0.9;
 pub struct SimplifyOptions {
     /// Requested number of vertices.
     pub vertices: usize,
-    /// Largest distance by which the surface may move, mesh units (root mean square over the
-    /// vertices that one stands for).
+    /// Largest distance by which the surface may move, mesh units: the root mean square distance
+    /// from a vertex to the faces around all vertices that it stands for.
     pub error: f64,
 }
 
 /// A coarser surface over the same vertices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simplified {
-    /// `[F']`, over the numbers of the input.
+    /// `[F']`, with the vertex numbers of the input.
     pub triangles: Vec<[u32; 3]>,
     /// `[V]`: for a removed vertex, the vertex of the result into which it collapsed. For all
     /// others, its own number.
@@ -55,7 +56,7 @@ pub struct Simplified {
 ///
 /// # Shapes and units
 /// `positions`: `[V]`, mesh units. `triangles`: `[F]`. `edge_lengths`: `[V]`, edge length near each
-/// vertex, mesh units. `locked`: `[V]`, vertices that stay.
+/// vertex, mesh units. `locked`: `[V]`, vertices that must stay.
 pub fn simplify(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
@@ -75,7 +76,8 @@ pub fn simplify(
     work.finish()
 }
 
-/// Sum of squared distances to planes, as `p A p + 2 b p + c`, and the area behind it.
+/// Weighted sum of squared distances to planes, as `p A p + 2 b p + c`, and the area of the faces
+/// in it.
 #[derive(Clone, Copy, Default)]
 struct Quadric {
     /// xx, xy, xz, yy, yz, zz.
@@ -123,7 +125,7 @@ struct Wish {
     to: u32,
 }
 
-/// Buffers that one vertex after another uses.
+/// Buffers that are reused from vertex to vertex.
 #[derive(Default)]
 struct Scratch {
     /// Neighbours, and how many faces contain both.
@@ -135,7 +137,7 @@ struct Scratch {
 struct Work<'a> {
     positions: &'a [DVec3],
     edge_lengths: &'a [f32],
-    /// Vertices that the caller locked, or where surfaces meet in a way that must not change.
+    /// Vertices that the caller locked, and vertices on an edge with more than two faces.
     locked: Vec<bool>,
     triangles: Vec<[u32; 3]>,
     quadrics: Vec<Quadric>,
@@ -174,7 +176,8 @@ impl<'a> Work<'a> {
         t.map(|v| self.positions[v as usize])
     }
 
-    /// Adds quadrics of faces, and of walls along the rims.
+    /// Adds the quadrics of faces and of walls along the rims. Locks the ends of edges with more
+    /// than two faces.
     fn add_planes(&mut self) {
         for t in self.triangles.clone() {
             let [a, b, c] = self.corners(t);
@@ -207,7 +210,7 @@ impl<'a> Work<'a> {
         if squared <= 0.0 {
             return;
         }
-        // Distance to the line: the identity minus the direction, like two planes.
+        // The squared distance to a line with unit direction d has A = I − d dᵀ, like two planes.
         let [x, y, z] = along.to_array();
         let weight = RIM_WEIGHT * squared;
         let a6 = [
@@ -237,7 +240,7 @@ impl<'a> Work<'a> {
     }
 
     /// Collapses up to `excess` edges that do not touch each other, from the cheapest `share` of
-    /// the wishes. Returns how many.
+    /// the wishes. Returns how many edges it collapsed.
     fn pass(&mut self, excess: usize, error: f64, share: f64) -> usize {
         let rings = Rings::of(self.positions.len(), &self.triangles);
         let mut wishes: Vec<Wish> = (0..self.positions.len() as u32)
@@ -299,7 +302,7 @@ impl<'a> Work<'a> {
                 }
             }
         }
-        // The first is nearly always allowed, so that sorting all would waste time.
+        // The cheapest wish is nearly always allowed, so sorting all of them would waste time.
         while let Some(best) = cheapest(wishes) {
             let wish = wishes.swap_remove(best);
             if keeps_the_form(rings, &self.triangles, wish, neighbours, shared)
@@ -324,7 +327,8 @@ impl<'a> Work<'a> {
         (cost as f32, moved)
     }
 
-    /// Whether all faces of `from` keep their side and stay wide enough when it moves to `to`.
+    /// Whether every remaining face of `from` keeps an area and faces much the same way when `from`
+    /// moves to `to`.
     fn keeps_facing(&self, rings: &Rings, from: u32, to: u32) -> bool {
         rings.faces(from).iter().all(|&f| {
             let t = self.triangles[f as usize];
@@ -356,7 +360,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// Index of the cheapest wish. Among equal ones the one to the lower vertex.
+/// Index of the cheapest wish. Among equally cheap ones, the lowest target vertex wins.
 fn cheapest(wishes: &[Wish]) -> Option<usize> {
     let order = |a: &Wish, b: &Wish| a.cost.total_cmp(&b.cost).then(a.to.cmp(&b.to));
     let best = wishes.iter().enumerate().min_by(|a, b| order(a.1, b.1));
@@ -364,7 +368,7 @@ fn cheapest(wishes: &[Wish]) -> Option<usize> {
 }
 
 /// The link condition: the ends of the edge share the third corners of its faces and no other
-/// neighbour. `neighbours`: of `wish.from`. `shared`: scratch.
+/// neighbour. `neighbours`: those of `wish.from`. `shared`: a scratch buffer.
 fn keeps_the_form(
     rings: &Rings,
     triangles: &[[u32; 3]],
@@ -433,7 +437,7 @@ impl Rings {
         out
     }
 
-    /// [`Rings::neighbours`] into a buffer of the caller's.
+    /// Like [`Rings::neighbours`], but writes into the caller's buffer.
     fn find_neighbours(&self, v: u32, triangles: &[[u32; 3]], out: &mut Vec<(u32, u32)>) {
         out.clear();
         for other in self.faces(v).iter().flat_map(|&f| triangles[f as usize]) {

@@ -12,13 +12,13 @@ use super::{
     tree::SurfacePoint,
 };
 
-/// How much further than the nearest surface the skin, or the own lip, may be from a landmark, as a
-/// share of the distance between the outer eye corners (7 mm on a human head). If it is further,
-/// the mesh has none there.
+/// How much further from a landmark than the nearest surface the skin, or the landmark's own lip,
+/// may be, as a share of the distance between the outer eye corners (7 mm on a human head). If it
+/// is further, the mesh has no skin or lip there.
 const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 
-/// The nearest skin to every point. Inner-lip points stay on their own lip where the mesh has a
-/// mouth that opens. Confidence 1 throughout. The mesh must have triangles.
+/// Moves every point to the nearest skin. If the mesh has a mouth that opens, inner-lip points stay
+/// on their own lip. All confidences are 1. The mesh must have triangles.
 pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
     let surface = SurfaceTree::new(mesh);
@@ -40,7 +40,7 @@ pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
     };
     let reach = eye_distance(positions);
     let lips = lip_of_vertices(mesh, &vertices(49..54), &vertices(55..60), reach);
-    // Only triangles with all corners on that lip: a triangle that spans both lips belongs to
+    // All corners of a triangle must lie on the lip: a triangle that spans both lips belongs to
     // neither.
     let on_own_lip = nearest_where(&surface, positions, |i, t| {
         lip_of_landmark(i).is_some_and(|lip| {
@@ -70,7 +70,7 @@ fn nearest_where(
         .collect()
 }
 
-/// Uses the better places where they are not much further away.
+/// Takes each better place that is less than `detour` further away.
 fn prefer(snapped: &mut [SurfacePoint], better: Vec<Option<SurfacePoint>>, detour: f32) {
     for (place, better) in snapped.iter_mut().zip(better) {
         if let Some(point) = better.filter(|b| b.distance < place.distance + detour) {
@@ -79,8 +79,8 @@ fn prefer(snapped: &mut [SurfacePoint], better: Vec<Option<SurfacePoint>>, detou
     }
 }
 
-/// `[V]`: whether a vertex belongs to the part with most landmarks; `None` if no part has half of
-/// them. Parts split along texture seams count as one.
+/// `[V]`: whether a vertex belongs to the part with the most landmarks; `None` if no part has half
+/// of them. Parts that are split along texture seams count as one.
 fn skin_of(mesh: &Mesh, snapped: &[SurfacePoint]) -> Option<Vec<bool>> {
     let weld = weld_seams(&mesh.positions, &mesh.triangles, &[]);
     let welded: Vec<[u32; 3]> = mesh

@@ -1,10 +1,10 @@
-//! The sphere through points, by algebraic least squares.
+//! Fits a sphere to points by algebraic least squares.
 
 use faer::{Mat, linalg::solvers::Solve};
 use glam::Vec3;
 
-/// Centre and radius of the sphere that fits points best, and the root mean square of their distances from
-/// it; `None` for fewer than eight, or for points in a plane.
+/// Centre and radius of the sphere that fits points best, and the root mean square of their
+/// distances from it; `None` for fewer than eight points, or for points in one plane.
 pub(crate) fn fit_sphere(
     points: impl Iterator<Item = [f32; 3]> + Clone,
 ) -> Option<([f32; 3], f32, f32)> {
@@ -16,7 +16,7 @@ pub(crate) fn fit_sphere(
     for p in points.clone() {
         (0..3).for_each(|i| mean[i] += f64::from(p[i]) / count as f64);
     }
-    // |p|² = 2 c·p + (r² − |c|²), about the mean so that the system is well scaled.
+    // |p|² = 2 c·p + (r² − |c|²), relative to the mean so that the system is well scaled.
     let (mut normal, mut right) = (Mat::<f64>::zeros(4, 4), Mat::<f64>::zeros(4, 1));
     for p in points.clone() {
         let q: [f64; 3] = std::array::from_fn(|i| f64::from(p[i]) - mean[i]);

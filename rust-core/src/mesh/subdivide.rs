@@ -1,12 +1,12 @@
-//! Subdivision: the same surface with more triangles.
+//! Subdivision: gives a surface more triangles without changing its form.
 
 use std::collections::HashMap;
 
 use super::Mesh;
 
 impl Mesh {
-    /// Every triangle as four: a vertex in the middle of each edge, the mesh's own first and where they
-    /// were. The surface is the same.
+    /// Cuts every triangle into four, with a new vertex in the middle of each edge. The mesh's own
+    /// vertices come first and keep their places. The surface stays the same.
     #[must_use]
     pub fn cut_in_four(&self) -> Mesh {
         let mut positions = self.positions.clone();
@@ -41,7 +41,7 @@ mod tests {
         };
         let finer = square.cut_in_four();
         assert_eq!(finer.positions[..4], square.positions);
-        // Five edges, of which the diagonal is met twice.
+        // Four vertices and five edges: both triangles share the new vertex on the diagonal.
         assert_eq!(finer.positions.len(), 9);
         assert_eq!(finer.triangles.len(), 8);
         let area = |mesh: &Mesh| -> f32 {

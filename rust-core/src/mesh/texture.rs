@@ -1,4 +1,4 @@
-//! Places in a texture, which a mesh itself does not have, from the file that it was read from.
+//! Reads texture coordinates, which a mesh itself does not hold, from the mesh's file.
 
 use super::{
     Mesh,
@@ -6,10 +6,11 @@ use super::{
     ply::vertex_coordinates,
 };
 
-/// Where each corner of each triangle lies in a texture, `[F, 3]`, 0 below: `vt` of an OBJ, numbers of vertices of a PLY
-/// (`s` and `t`, `u` and `v`, `texture_u` and `texture_v`).
+/// Texture coordinates of each corner of each triangle, `[F, 3]`, with 0 at the bottom. They are
+/// the `vt` of an OBJ, or properties of the vertices of a PLY (`s` and `t`, `u` and `v`,
+/// `texture_u` and `texture_v`).
 ///
-/// Nothing where the file has none, or is not that of the mesh.
+/// `None` if the file has none, is a glTF file, or does not fit the mesh.
 pub(crate) fn texture_coordinates(bytes: &[u8], mesh: &Mesh) -> Option<Vec<[[f32; 2]; 3]>> {
     let corners = match bytes {
         _ if bytes.starts_with(b"glTF") => None,

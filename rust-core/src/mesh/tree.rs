@@ -10,7 +10,7 @@ const LEAF: usize = 4;
 /// With fewer faces a thread costs more than it saves.
 const SHARED: usize = 10_000;
 
-/// Number and corners.
+/// Face number and corners.
 type Face = (u32, [DVec3; 3]);
 
 /// The closest place of a surface.
@@ -46,8 +46,8 @@ pub struct SurfaceTree {
 struct Node {
     low: DVec3,
     high: DVec3,
-    /// A leaf's range of faces; otherwise the second child comes `end` nodes later (the first
-    /// follows the node).
+    /// In a leaf, `begin` and `end` are its range of faces. In any other node, the first child
+    /// follows the node and the second child comes `end` nodes later.
     begin: u32,
     end: u32,
     is_leaf: bool,
@@ -95,7 +95,7 @@ impl SurfaceTree {
     }
 
     /// The closest place on the faces that `allowed` accepts, in single precision. Among equally
-    /// close faces the one of the smallest number. `None` if there is none.
+    /// close faces, the smallest number wins. `None` if `allowed` accepts no face.
     pub(crate) fn closest_where(
         &self,
         point: [f32; 3],
@@ -118,7 +118,7 @@ impl SurfaceTree {
                     triangle,
                     distance,
                 });
-                // Rounding must not exclude a face that is as near.
+                // Rounding must not exclude a face that is just as near.
                 bound = f64::from(distance + 1e-5 * (distance + point.length())).powi(2);
             }
             bound
@@ -126,8 +126,8 @@ impl SurfaceTree {
         best
     }
 
-    /// Passes faces and their corners to `meet`, those in near boxes first. `meet` returns a
-    /// squared distance. Boxes farther than that are skipped.
+    /// Passes faces and their corners to `meet`, near boxes first. `meet` returns a squared
+    /// distance. Boxes farther away than that are skipped.
     fn visit(&self, point: DVec3, mut meet: impl FnMut(u32, [DVec3; 3]) -> f64) {
         let mut bound = f64::INFINITY;
         let mut stack = vec![(0.0, 0usize)];
@@ -162,7 +162,7 @@ impl Node {
     }
 }
 
-/// Appends the node of `faces`, which start at number `begin`, and all below it.
+/// Appends the node of `faces` and all nodes below it. `begin` is the index of the first face.
 fn split(faces: &mut [Face], begin: u32, nodes: &mut Vec<Node>) {
     let (low, high) = bounds(faces);
     let node = nodes.len();
@@ -212,9 +212,9 @@ pub(crate) fn blend([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
     u * a + v * b + w * c
 }
 
-/// Barycentric weights of the point of a triangle closest to `p`: the projection onto the plane
-/// where it lies inside, else the best of the three sides. The sides also serve triangles without
-/// area.
+/// Barycentric weights of the point of a triangle that is closest to `p`: the projection onto the
+/// plane if it lies inside, else the closest point on the three sides. Triangles without area also
+/// use the sides.
 pub(crate) fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d00, d01, d11) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
@@ -301,7 +301,7 @@ mod tests {
             faces in proptest::collection::vec(proptest::array::uniform3(0u32..40), 1..80),
             queries in proptest::collection::vec(proptest::array::uniform3(-4f32..4.0), 1..8),
         ) {
-            // A lattice, so that faces coincide, fold and vanish.
+            // Points lie on a lattice, so that some faces coincide, fold or vanish.
             let count = points.len() as u32;
             let mesh = Mesh {
                 positions: points.iter().map(|p| p.map(f32::from)).collect(),

@@ -1,5 +1,5 @@
-//! A user's network: the sizes in its config, and its weights, `model.safetensors` or PyTorch's
-//! `pytorch_model.bin`.
+//! Checks the sizes in the config of a user's network and reads its weights, from
+//! `model.safetensors` or PyTorch's `pytorch_model.bin`.
 
 use std::path::Path;
 
@@ -9,11 +9,11 @@ use crate::Result;
 /// The name that PyTorch's checkpoints have in a Hugging Face folder.
 const PYTORCH_FILE: &str = "pytorch_model.bin";
 
-/// Checks that sizes of a user's config lie between 1 and the largest that any model has. `sizes`:
-/// name, size, largest.
+/// Checks that each size in a user's config lies between 1 and the largest that any model may have.
+/// `sizes`: name, size, largest size.
 ///
 /// # Errors
-/// Names the size that does not, its range and its value.
+/// Names the first size that is out of range, its range and its value.
 pub(crate) fn check_sizes(sizes: &[(&str, usize, usize)]) -> Result<(), String> {
     let wrong = sizes
         .iter()
@@ -35,11 +35,11 @@ pub(crate) fn check_epsilon(epsilon: f32) -> Result<(), String> {
     }
 }
 
-/// Reads the one of the two files in `folder`; safetensors where both are there.
+/// Reads the weights in `folder`: `model.safetensors`, or `pytorch_model.bin` if only that exists.
 ///
 /// # Errors
-/// `Io` if there is neither or it cannot be read; `Weights` if it is damaged, or if it is PyTorch's
-/// and the library lacks the feature `checkpoints`.
+/// `Io` if neither file exists or the file cannot be read; `Weights` if the file is damaged, or if
+/// it is PyTorch's and the library lacks the feature `checkpoints`.
 pub(crate) fn read(folder: &Path) -> Result<Weights> {
     let safetensors = folder.join("model.safetensors");
     let pytorch = folder.join(PYTORCH_FILE);
@@ -49,7 +49,7 @@ pub(crate) fn read(folder: &Path) -> Result<Weights> {
     }
 }
 
-/// Reads the zip archive that PyTorch writes since version 1.6; its pickle runs no code.
+/// Reads the zip archive that PyTorch has written since version 1.6. No code in its pickle is run.
 #[cfg(feature = "checkpoints")]
 fn read_pytorch(path: &Path) -> Result<Weights> {
     use super::pickle::read_tensors;
@@ -104,7 +104,7 @@ mod tests {
                 continue;
             };
             let got = weights.values(name, &golden.shape(&full)).unwrap();
-            // The golden's layers are in half precision: 11 bits.
+            // The layers in the golden file are in half precision: 11 bits.
             let allowed = if name.contains(".layers.") { 1e-3 } else { 0.0 };
             for (got, expected) in got.iter().zip(golden.values(&full)) {
                 assert!((got - expected).abs() <= allowed * expected.abs() + allowed * 1e-4);

@@ -1,5 +1,5 @@
-//! Where weights come from: the library itself or a host that fetches them, a folder that may
-//! override them, a user's own checkpoint.
+//! Finds and reads the weights of models. They come from the library itself, from a host that
+//! fetches them, from a folder that overrides both, or from a user's own checkpoint.
 
 pub(crate) mod checkpoint;
 mod opened;
@@ -27,15 +27,15 @@ use crate::{
 pub(crate) use opened::Opened;
 pub use weights::Weights;
 
-/// Names of the weights as training writes them and as they are shipped. Both hold the same bytes,
-/// see [`unpack`].
+/// Names of the weights file: as training writes it, and as it is shipped. Both files hold the same
+/// bytes, see [`unpack`].
 const PLAIN: &str = "model.safetensors";
 const PACKED: &str = "model.planes.gz";
-/// Most bytes of weights that a packed file may hold.
+/// The most bytes of weights that a packed file may hold.
 const MOST_BYTES: u64 = 2 << 30;
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
-/// Numbers in configs by their names, with the least and the largest that any model may have.
+/// Names of numbers in configs, each with the smallest and largest value that any model may have.
 const RANGES: [(&str, f64, f64); 32] = [
     ("adapter_inner", 1.0, 16_384.0),
     ("alpha", -100.0, 100.0),
@@ -83,12 +83,12 @@ pub struct ModelFiles {
 pub struct BuiltIn {
     /// Its folder's name.
     pub name: &'static str,
-    /// The name before the size where it has several sizes, such as `ats` in `ats_paper`. `None`
-    /// where it has one.
+    /// If the model comes in several sizes, the name before the size, such as `ats` in `ats_paper`.
+    /// `None` if it comes in one size.
     pub sizes_of: Option<&'static str>,
-    /// `model.planes.gz`; empty where the build lacks it.
+    /// `model.planes.gz`; empty if the build lacks it.
     pub packed: &'static [u8],
-    /// The same from a host that has fetched it, for a build without it
+    /// `model.planes.gz` from a host that has fetched it, for a build that lacks it
     /// ([`BuiltIn::take_fetched`]).
     fetched: OnceLock<Vec<u8>>,
     /// `config.json`.
@@ -98,7 +98,7 @@ pub struct BuiltIn {
 }
 
 impl BuiltIn {
-    /// A model that has one size.
+    /// A model that comes in one size.
     pub(crate) const fn new(model: &Model) -> Self {
         BuiltIn::of(model, None)
     }
@@ -114,12 +114,12 @@ impl BuiltIn {
         }
     }
 
-    /// A model whose folders of all sizes begin with `family`.
+    /// A model that comes in several sizes, whose folder names all begin with `family`.
     pub(crate) const fn sized(model: &Model, family: &'static str) -> Self {
         BuiltIn::of(model, Some(family))
     }
 
-    /// A model that a folder may hold and this build lacks.
+    /// A model that this build lacks but a folder may hold.
     #[allow(dead_code)] // Where every feature is on, no model is absent.
     pub(crate) const fn absent(name: &'static str, sizes_of: Option<&'static str>) -> Self {
         BuiltIn {
@@ -132,10 +132,12 @@ impl BuiltIn {
         }
     }
 
-    /// Takes the bytes of `model.planes.gz` from a host that has fetched them, for a build without the feature `embedded`.
+    /// Takes the bytes of `model.planes.gz` from a host that has fetched them, for a build without
+    /// the feature `embedded`.
     ///
     /// # Errors
-    /// `Weights` if the bytes are damaged; `InvalidInput` where the build knows no such model, or its weights already.
+    /// `Weights` if the bytes are damaged or the build lacks the model; `InvalidInput` if the
+    /// weights are already here.
     pub fn take_fetched(&self, packed: Vec<u8>) -> Result<()> {
         if self.config.is_empty() {
             return Err(self.no_feature());
@@ -149,7 +151,7 @@ impl BuiltIn {
         })
     }
 
-    /// Bytes of the built-in or fetched `model.planes.gz`. Empty where there are none.
+    /// Bytes of the built-in or fetched `model.planes.gz`. Empty if there are none.
     fn shipped(&self) -> &[u8] {
         match self.packed {
             [] => self.fetched.get().map_or(&[], Vec::as_slice),
@@ -168,11 +170,11 @@ impl BuiltIn {
         Error::Weights(format!("{}: {error}", self.name))
     }
 
-    /// The model in `folder` if it is there, of whatever size, else the built-in one.
+    /// Opens the model in `folder`, whatever its size there, or else the built-in one.
     ///
     /// # Errors
-    /// Those of [`BuiltIn::place`]; `Io` if the model's folder lacks one of its two files; `Weights` if it is in neither
-    /// the folder nor this build.
+    /// Those of [`BuiltIn::place`]; `Io` if the model's folder lacks one of its two files;
+    /// `Weights` if a file is damaged, or if neither the folder nor this build holds the model.
     pub fn open(&self, folder: Option<&Path>) -> Result<ModelFiles> {
         match self.place(folder)? {
             Some(place) => ModelFiles::read(&place),
@@ -194,10 +196,10 @@ impl BuiltIn {
         Ok(!is_here && self.place(folder)?.is_none())
     }
 
-    /// Where in `folder` the model lies; `None` if it does not.
+    /// The path of the model's own folder in `folder`; `None` if it is not there.
     ///
     /// # Errors
-    /// `Weights` if there is no such folder, or if it holds the model in several sizes.
+    /// `Weights` if `folder` does not exist, or if it holds the model in several sizes.
     pub fn place(&self, folder: Option<&Path>) -> Result<Option<PathBuf>> {
         let Some(folder) = folder else {
             return Ok(None);
@@ -216,7 +218,8 @@ impl BuiltIn {
         }
     }
 
-    /// Adds the model to the key of what is made with it. Its card does not count.
+    /// Adds the model's weights and config to the cache key of a result that is made with it. Its
+    /// card does not count.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`].
@@ -238,12 +241,13 @@ impl BuiltIn {
     }
 }
 
-/// Checks that a folder of models holds some, and none that the library would silently ignore.
+/// Checks that a folder of models holds at least one, and none that the library would silently
+/// ignore.
 ///
-/// `others`: names that other code reads, such as those of speech encoders.
+/// `others`: names of folders that other code reads, such as those of speech encoders.
 ///
 /// # Errors
-/// `Weights` that names the folder's content and what was expected.
+/// `Weights`, which says which folders were expected and what was found.
 pub fn check_folder(
     folder: &Path,
     known: impl Iterator<Item = &'static BuiltIn>,
@@ -321,12 +325,12 @@ fn read_weights(folder: &Path) -> Result<Vec<u8>> {
     unpack(&bytes).map_err(damaged)
 }
 
-/// The bytes of a `model.safetensors` from those of a `model.planes.gz`, which holds the bytes at even places, then
-/// those at odd ones, in gzip.
+/// Turns the bytes of a `model.planes.gz` into those of a `model.safetensors`. The packed file
+/// holds, in gzip, first the bytes at even places and then those at odd places.
 ///
-/// The high bytes of weights in f16 and f32 are much alike: next to each other they compress by a
-/// third more. For 8-bit numbers the order does not matter. `pack` in training/nn/checkpoint.py is
-/// the inverse.
+/// The high bytes of weights in f16 and f32 resemble each other, so they compress by a third more
+/// when they lie side by side. For 8-bit numbers the order does not matter. `pack` in
+/// training/nn/checkpoint.py is the inverse.
 fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
     let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
     GzDecoder::new(packed)
@@ -398,7 +402,7 @@ mod tests {
 
     #[test]
     fn packed_weights_are_the_plain_ones_and_damage_is_named() {
-        // As Python's gzip packs the planes "ac" and "b" of "abc".
+        // Python's gzip made these bytes from "ac" and "b", the planes of "abc".
         const ABC: [u8; 23] = [
             31, 139, 8, 0, 0, 0, 0, 0, 2, 3, 75, 76, 78, 2, 0, 21, 64, 56, 91, 3, 0, 0, 0,
         ];

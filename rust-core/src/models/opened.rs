@@ -1,18 +1,19 @@
-//! What is read from models that may be fetched after the engine was made.
+//! Models whose weights a host may fetch after the engine was made.
 
 use std::path::Path;
 
 use super::BuiltIn;
 use crate::{Error, Result};
 
-/// What a model became; where its weights are yet to be fetched, what to say to who needs it.
+/// An opened model or, if its weights are yet to be fetched, the error message for its users.
 pub(crate) struct Opened<T>(std::result::Result<T, String>);
 
 impl<T> Opened<T> {
-    /// Opens what `model` holds, in `folder` or beside it, unless its weights are yet to be fetched.
+    /// Opens `model`, from `folder` or built in, by calling `open`. If its weights are yet to be
+    /// fetched, keeps the message of the error.
     ///
     /// # Errors
-    /// Those of `open` where the weights are here.
+    /// Those of `open` if the weights are here; those of `BuiltIn::place`.
     pub fn of(
         model: &BuiltIn,
         folder: Option<&Path>,
@@ -24,10 +25,10 @@ impl<T> Opened<T> {
         }
     }
 
-    /// It.
+    /// The opened model.
     ///
     /// # Errors
-    /// `Weights` where it was yet to be fetched.
+    /// `Weights` if the weights were yet to be fetched when it was opened.
     pub fn get(&self) -> Result<&T> {
         let refuse = |message: &String| Error::Weights(message.clone());
         self.0.as_ref().map_err(refuse)

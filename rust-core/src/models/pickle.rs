@@ -1,10 +1,10 @@
-//! Reads checkpoints that `torch.save` has written since PyTorch 1.6: a zip archive of a pickle and
-//! of the bytes of its tensors.
+//! Reads checkpoints that `torch.save` has written since PyTorch 1.6: a zip archive that holds a
+//! pickle and the bytes of its tensors.
 //!
 //! A pickle is a program. This reader knows the few instructions that make tensors and plain
-//! containers, refuses everything else by name, and needs no more memory than the file is large.
-//! candle's own reader copies what it remembers, so that 633 bytes fill all memory. It also drops
-//! nested values recursively, which overflows the stack.
+//! containers. It refuses everything else and names it, and its memory stays in proportion to the
+//! file's size. candle's own reader copies the values that it remembers, so that a file of 633
+//! bytes can fill all memory. It also drops nested values recursively, which overflows the stack.
 
 use std::{
     collections::HashMap,
@@ -16,21 +16,22 @@ use zip::{CompressionMethod, ZipArchive};
 
 use crate::job::Input;
 
-/// Most bytes of a pickle. A tensor takes 112 bytes and 31 instructions in the golden
-/// `hubert_tiny.bin`.
+/// The most bytes of a pickle. In the golden `hubert_tiny.bin`, a tensor takes 112 bytes and 31
+/// instructions.
 const LARGEST_PICKLE: u64 = 16 << 20;
 const MOST_INSTRUCTIONS: usize = 2_000_000;
-/// Most letters of a name that is copied, and most axes of a tensor.
+/// The most bytes of a name that is copied.
 const LONGEST_NAME: usize = 256;
+/// The most axes of a tensor.
 const MOST_AXES: usize = 16;
 
-/// Shape and values of a tensor by its name.
+/// Name, shape and values of each tensor.
 type Arrays = Vec<(String, (Vec<usize>, Vec<f32>))>;
 
-/// Reads all tensors of floating point numbers in the dictionary that a checkpoint holds.
+/// Reads all tensors of floating point numbers from the dictionary in a checkpoint.
 ///
 /// # Errors
-/// Says what was expected and what the file holds.
+/// A message that says what was expected and what the file holds.
 pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
     let bytes = file.length().map_err(|error| error.to_string())?;
     let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
@@ -64,13 +65,13 @@ pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
 /// The zip archive around a pickle.
 struct Archive {
     zip: ZipArchive<BufReader<Input>>,
-    /// Bytes of storages that may still be read. At first as many as the file has.
+    /// Bytes of storages that may still be read. At first, this is the size of the file.
     budget: u64,
     storages: HashMap<String, Vec<f32>>,
 }
 
 impl Archive {
-    /// The pickle, and the prefix of the names in its archive.
+    /// The prefix of the names in the archive, and the pickle.
     fn pickle(&mut self) -> Result<(String, Vec<u8>), String> {
         let names = self.zip.file_names();
         let prefixes = names.filter_map(|name| name.strip_suffix("data.pkl"));
@@ -136,10 +137,10 @@ impl Archive {
     }
 }
 
-/// A list of numbers that tensors view.
+/// A list of numbers, of which tensors are views.
 #[derive(Debug, Clone)]
 struct Storage {
-    /// `None` where the numbers are no floating point numbers.
+    /// `None` if the numbers are not floating point numbers.
     dtype: Option<DType>,
     key: String,
     numel: usize,
@@ -155,7 +156,7 @@ struct View {
 }
 
 impl View {
-    /// Number of its elements, all of which lie in its storage.
+    /// Number of its elements. Checks that all of them lie in its storage.
     fn elements(&self) -> Result<usize, String> {
         let count = self
             .shape
@@ -182,7 +183,7 @@ impl View {
         }
     }
 
-    /// Its numbers in the order of rows.
+    /// Its numbers in row-major order.
     fn gather(&self, count: usize, storage: &[f32]) -> Result<Vec<f32>, String> {
         let mut out = Vec::with_capacity(count);
         let mut index = vec![0; self.shape.len()];
@@ -207,14 +208,14 @@ impl View {
     }
 }
 
-/// Number of a value in the list of all.
+/// Index of a value in the list of all values.
 type Id = usize;
 
-/// A value that a pickle makes. Values refer to others by number: nothing is copied, and nothing
-/// nests.
+/// A value that a pickle makes. Values refer to each other by index, so that nothing is copied and
+/// nothing nests.
 #[derive(Debug)]
 enum Value {
-    /// None, a truth value or a floating point number: no part of a tensor.
+    /// None, a Boolean or a floating point number. Tensors need none of these.
     Plain,
     Number(i64),
     Text(String),
@@ -233,7 +234,7 @@ struct Values {
 }
 
 impl Values {
-    /// Tensors of the dictionary that is the result, with their names.
+    /// The tensors in the dictionary that the pickle results in, with their names.
     fn tensors(&self) -> Result<Vec<(&str, &View)>, String> {
         let Value::Dict(items) = &self.all[self.result] else {
             return Err("expected a dictionary of tensors, got another value".to_owned());
@@ -254,7 +255,7 @@ struct Machine<'a> {
     rest: &'a [u8],
     values: Vec<Value>,
     stack: Vec<Id>,
-    /// Heights of the stack.
+    /// Height of the stack at each mark.
     marks: Vec<usize>,
     memo: HashMap<u32, Id>,
 }
@@ -286,7 +287,8 @@ impl<'a> Machine<'a> {
 
     /// Runs one instruction. Returns whether it was the last.
     ///
-    /// Each arm is one instruction that `torch.save` writes, by its byte in Python's `pickletools`. Any other is refused.
+    /// Each arm runs instructions that `torch.save` writes, identified by their bytes in Python's
+    /// `pickletools`. Any other instruction is refused.
     fn step(&mut self) -> Result<bool, String> {
         match self.byte()? {
             b'.' => return Ok(true),
@@ -388,7 +390,7 @@ impl<'a> Machine<'a> {
                 let (arguments, function) = (self.pop()?, self.pop()?);
                 self.call(function, arguments)?;
             }
-            // State of an object: of an ordered dictionary, its metadata.
+            // The state of an object. For an ordered dictionary this is metadata, which is dropped.
             b'b' => drop(self.pop()?),
             other => {
                 return Err(format!(
@@ -543,7 +545,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// `("storage", torch.FloatStorage, key, device, numel)`.
+    /// Reads the tuple `("storage", torch.FloatStorage, key, device, numel)`.
     fn storage(&self, id: Id) -> Result<Storage, String> {
         let &[_, kind, key, _, numel] = self.tuple_of(id)? else {
             return Err("expected a storage of five values, got another number".to_owned());
@@ -606,7 +608,7 @@ fn short(name: &str) -> Result<&str, String> {
     }
 }
 
-/// Numbers of a kind of storage, `None` where they are no floating point numbers.
+/// Type of the numbers in a kind of storage; `None` if they are not floating point numbers.
 fn dtype(kind: &str) -> Result<Option<DType>, String> {
     match kind {
         "torch.FloatStorage" => Ok(Some(DType::F32)),

@@ -1,4 +1,4 @@
-//! Controls put on a sampled performance.
+//! Applies controls to a sampled performance.
 
 use ndarray::{Array3, ArrayView2};
 
@@ -21,41 +21,43 @@ use crate::{
     mesh::ibug,
 };
 
-/// What a performance was asked to be and how it was said.
+/// What shapes a performance besides its controls: the requested emotion and the voice.
 #[derive(Debug, Clone, Copy)]
 pub struct Cues<'a> {
     /// `[T, 16]` at the clip's rate: a mixture of 15 emotions and an intensity.
     pub affect: ArrayView2<'a, f32>,
-    /// The same for the times of blinks, which stay where only the emotion's strength is changed.
+    /// `[T, 16]`, the same for the times of blinks. It is kept apart because the blinks stay where they
+    /// are when only the emotion's strength changes.
     pub blink_affect: ArrayView2<'a, f32>,
-    /// The expressions of these emotions, and whether the clip shows them already.
+    /// The table of expressions.
     pub expressions: &'a Expressions,
     /// Where the clip's emotion comes from.
     pub emotion_origin: EmotionOrigin,
-    /// Take away everything that speech did not cause.
+    /// Keep only the motion that speech caused: the upper face stays still and nothing is added.
     pub speech_only: bool,
     /// How the speech was said.
     pub prosody: &'a Prosody,
-    /// Same seed, same blinks, accents and variety.
+    /// The same seed gives the same blinks, accents and variety.
     pub seed: u64,
 }
 
-/// Puts what is asked on landmarks that a system has sampled.
+/// Applies the controls of a request to landmarks that a system has sampled.
 #[derive(Debug, Clone, Copy)]
 pub struct LandmarkController<'a> {
     /// How the landmarks move together.
     pub modes: &'a FaceModes,
     /// The expressions of the emotions.
     pub expressions: &'a Expressions,
-    /// Whether what was sampled shows the emotion already.
+    /// Whether the sampled motion already shows the emotion.
     pub emotion_origin: EmotionOrigin,
     /// How the speech was said.
     pub prosody: &'a Prosody,
 }
 
 impl LandmarkController<'_> {
-    /// The controls of `request` on `sampled`, under `emotion`; blinks come as often as under `blink_emotion`.
-    /// Motion of another kind stays as it is.
+    /// Applies the controls of `request` to `sampled`, under `emotion`.
+    ///
+    /// Blinks come as often as under `blink_emotion`. Motion other than landmarks stays as it is.
     ///
     /// # Errors
     /// Those of [`FaceModes::apply_controls`].
@@ -87,13 +89,14 @@ impl LandmarkController<'_> {
 }
 
 impl FaceModes {
-    /// The clip with `controls` put on it; the same whatever the number of threads.
+    /// Applies `controls` to a clip. The result does not depend on the number of threads.
     ///
-    /// In this order: smoothing, variety of the mouth, articulation with effort, jaw, rounding and
-    /// width, closures as they were, the expression where the clip has none, breath, variety of the brows,
-    /// gestures of the emotion, brow accents, the upper face's scale, asymmetry, the limits of brows and wide lids, blinks. Head and gaze are no landmarks: see
-    /// [`super::Life`]. With [`PerformanceControls::as_sampled`] the clip comes back with its expression,
-    /// unless `speech_only`.
+    /// The order is: smoothing, variety of the mouth, articulation with effort, jaw, rounding and
+    /// width, the closures of the sampled clip, the expression if the clip has none, breath, variety of
+    /// the brows, gestures of the emotion, brow accents, the upper face's scale, asymmetry, the limits
+    /// of brows and wide lids, blinks. Head and gaze are not landmarks: see [`super::Life`].
+    /// [`PerformanceControls::as_sampled`] changes nothing but the missing expression and the limits,
+    /// unless `speech_only` stills the upper face.
     ///
     /// # Errors
     /// `InvalidInput` for a control out of range.

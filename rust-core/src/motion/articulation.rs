@@ -1,4 +1,4 @@
-//! How strongly the mouth speaks: its jaw, its rounding, its width; lips that met still meet.
+//! Scales what speech does to jaw, rounding and width of the mouth. Lips that met still meet.
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
@@ -11,12 +11,12 @@ use crate::{
     mesh::ibug::{CHIN, CORNERS, LIP_COLUMNS, LipColumn, speaking},
 };
 
-/// Lips nearer than this over neutral count as closing, metres.
+/// Lips begin to close below this gap, metres more than in the neutral face.
 const CLOSED_M: f32 = 1.5e-3;
 /// How strongly each part of speech moves the mouth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mouth<'a> {
-    /// `[T]`, of all that speech does.
+    /// `[T]`, the gain on all speech motion.
     pub(super) articulation: &'a [f32],
     pub(super) jaw: f32,
     pub(super) rounding: f32,
@@ -24,7 +24,7 @@ pub(super) struct Mouth<'a> {
 }
 
 impl Mouth<'_> {
-    /// Whether it leaves speech as it is.
+    /// Whether all gains are 1, so that speech stays as it is.
     pub(super) fn is_neutral(&self) -> bool {
         let parts = [self.jaw, self.rounding, self.width];
         parts
@@ -36,9 +36,10 @@ impl Mouth<'_> {
 
 /// Scales speech around the emotion's expression.
 ///
-/// Speech is `jaw + rounding + width + rest`: the jaw's part is that of `jawOpen` whose chin drops as far; rounding is
-/// the `mouthPucker` that brings the lips as far forward; width is the `mouthStretch` of both sides that parts the
-/// corners as far as what is left does.
+/// Speech is `jaw + rounding + width + rest`. The jaw's part is the `jawOpen` that drops the chin as
+/// far as speech does. Rounding is the `mouthPucker` that brings the lips as far forward as speech
+/// without the jaw does. Width is the `mouthStretch` of both sides that parts the corners as far as
+/// the remaining motion does.
 ///
 /// # Shapes and units
 /// `moved`, `emotion`: `[T, 68, 3]`, canonical metres.
@@ -74,17 +75,17 @@ pub(super) fn articulate(
     Ok(())
 }
 
-/// How far the corners of the mouth are apart, metres over neutral.
+/// Distance between the corners of the mouth, metres more than in the neutral face.
 fn width_of(face: ArrayView2<'_, f32>) -> f32 {
     let [right, left] = CORNERS;
     face[[left, 0]] - face[[right, 0]]
 }
 
-/// Gives closed lips their gap back: what was closed in `sampled` is closed in `moved`, and lips pass
-/// no deeper through one another than they did.
+/// Gives closed lips their gap back. Lips that are closed in `sampled` are closed in `moved`, and
+/// they overlap no deeper than before.
 ///
-/// Closing fades in over the last 1.5 mm, and around closed lips the gap stays on the path that lips take
-/// ([`restore_contacts`]), so that nothing jumps. Both `[T, 68, 3]`, canonical metres.
+/// Closing fades in over the last 1.5 mm. Around closed lips the gap stays on the path that lips
+/// take ([`restore_contacts`]), so that nothing jumps. Both `[T, 68, 3]`, canonical metres.
 pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32>, fps: f64) {
     for (mut frame, sampled) in moved.outer_iter_mut().zip(sampled.outer_iter()) {
         keep_gap(&mut frame, sampled, closedness, 0.0);
@@ -93,8 +94,8 @@ pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32
     keep_path(moved, &openings, fps);
 }
 
-/// Keeps the lips of `moved` `[T, 68, 3]` on their way to and from contacts, where `before` `[T]` is how far they were
-/// from touching, metres ([`restore_contacts`]).
+/// Keeps the lips of `moved` `[T, 68, 3]` on their path to and from contacts
+/// ([`restore_contacts`]). `before` `[T]`: how far the lips were from touching, metres.
 pub(super) fn keep_path(moved: &mut Array3<f32>, before: &[f32], fps: f64) {
     let openings: Vec<f32> = moved.outer_iter().map(|face| opening(face)).collect();
     let shares = restore_contacts(&openings, before, fps);
@@ -108,7 +109,8 @@ pub(super) fn keep_path(moved: &mut Array3<f32>, before: &[f32], fps: f64) {
     }
 }
 
-/// Parts the lips of a column by so much, metres: each goes half of the way, and the outer lip with the inner one.
+/// Parts the lips of a column by `by` metres. Each lip moves half of that, and its outer landmarks
+/// move with the inner one.
 fn part(frame: &mut ArrayViewMut2<'_, f32>, column: &LipColumn, by: f32) {
     for (n, share) in column.upper {
         frame[[*n, 1]] += 0.5 * share * by;
@@ -118,13 +120,13 @@ fn part(frame: &mut ArrayViewMut2<'_, f32>, column: &LipColumn, by: f32) {
     }
 }
 
-/// How nearly lips are closed at a gap over that of the neutral face, metres: 0 to 1.
+/// How nearly lips are closed, 0 to 1. `gap`: metres more than in the neutral face.
 pub(super) fn closedness(gap: f32) -> f32 {
     (1.0 - gap / CLOSED_M).clamp(0.0, 1.0)
 }
 
-/// Moves the lips of a frame the part `closed(had)` of the way to the gap that they had, and further
-/// where they lie deeper in one another than they did, and than `least`.
+/// Moves the lips of a frame towards the gap `had` that they have in `sampled`, by the share
+/// `closed(had)` of the way. A gap below both `had` and `least` is first raised to the smaller one.
 pub(super) fn keep_gap(
     frame: &mut ArrayViewMut2<'_, f32>,
     sampled: ArrayView2<'_, f32>,

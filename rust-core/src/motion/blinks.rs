@@ -1,12 +1,13 @@
-//! Blinks of both eyes, at random and rather where the voice pauses.
+//! Blinks of both eyes, at random but more often where the voice pauses.
 //!
-//! Twenty of 100 come in twos. Lids close in 60 ms, open fast for 120 ms and slowly for as long again; the
-//! two eyes open up to 20 ms apart: so in the tracked lids of grid_s1, where a fifth of the blinks follow
-//! another within 0.3 s. People who speak blink at the ends of phrases and in pauses (Nakano & Kitazawa
-//! 2010; in grid_s1 four times as often just before a phrase ends as elsewhere), with large leaps of the
-//! eyes (Evinger et al. 1994), and more often when sad or angry than when afraid.
-//! Intervals are drawn from a bell between a quarter and seven quarters of their mean, 1.2 to 8 s at
-//! the default rate: blinks neither tick like a clock nor bunch up.
+//! Twenty of 100 blinks are double. The lids close in 60 ms, open fast for 120 ms and slowly for
+//! another 180 ms, and the two eyes open up to 20 ms apart. The tracked lids of grid_s1 do the same:
+//! a fifth of their blinks follow another one within 0.3 s. Speakers blink at the ends of phrases and
+//! in pauses (Nakano & Kitazawa 2010; in grid_s1 four times as often just before a phrase ends as
+//! elsewhere) and with large leaps of the eyes (Evinger et al. 1994). They blink more often when sad
+//! or angry than when afraid. Intervals are drawn from a bell between a quarter and seven quarters
+//! of their mean, 1.2 to 8.4 s at the default rate, so that blinks neither tick like a clock nor
+//! bunch up.
 
 use std::ops::Range;
 
@@ -20,26 +21,27 @@ use crate::{
     audio::{PROSODY_FPS, Prosody},
 };
 
-/// Number of this process among the streams of a seed.
+/// Number of the random stream that draws the blinks.
 const STREAM: u64 = u64::MAX;
 const CLOSE_S: f64 = 0.06;
 const HOLD_S: (f64, f64) = (0.03, 0.1);
-/// The fast part of opening, and all of it.
+/// How long the fast part of opening takes, and how long all of it takes.
 const OPEN_S: f64 = 0.12;
 const REST_S: f64 = 0.3;
-/// How far the lids are still closed when the fast part is over.
+/// Share of the opening that runs over all of that time; the rest is done in the fast part.
 const TAIL: f64 = 0.18;
-/// How much later than the other one an eye opens, at most.
+/// The most by which one eye opens later than the other.
 const APART_S: f64 = 0.02;
 const DOUBLE_SHARE: f64 = 0.2;
-/// Open eyes between two blinks, at least.
+/// The shortest time from the fast part of one blink's opening to the start of the next blink.
 const BETWEEN_S: f64 = 0.1;
-/// A blink moves to a pause that begins this near, or within this share of the mean interval.
+/// A blink moves to a pause or a large leap of the eyes within this time, and within this share of
+/// the mean interval.
 const REACH_S: f64 = 1.0;
 const REACH_SHARE: f64 = 0.3;
-/// Share of the blinks that move to a pause in reach.
+/// Share of the blinks that move to a pause or leap within reach.
 const PAUSE_SHARE: f64 = 0.7;
-/// Columns of sad, afraid and angry among the conditions, and of the intensity.
+/// Columns of sad, afraid, angry and the intensity among the conditions.
 const SAD: usize = 5;
 const AFRAID: usize = 8;
 const ANGRY: usize = 9;
@@ -47,8 +49,8 @@ const INTENSITY: usize = 15;
 /// How much an emotion at intensity 1 changes the rate; our own choice.
 const EMOTION_GAIN: f32 = 0.3;
 
-/// How far a lid halfway from open to shut leaves the straight line, metres: it slides over a ball of
-/// 12 mm radius, and a chord of 10 mm stands 1.1 mm off its arc.
+/// How far a lid halfway between open and shut stands in front of the straight path, metres. The lid
+/// slides over an eyeball of 12 mm radius, where a chord of 10 mm lies up to 1.1 mm below its arc.
 const ARC: f32 = 1.1e-3;
 
 /// One closing of both eyes.
@@ -63,7 +65,7 @@ pub struct Blink {
 }
 
 impl Blink {
-    /// When the lids are open again but for a last fifth, seconds.
+    /// When the fast part of opening ends, seconds. The lids are then still closed by about 12 %.
     pub fn end_s(&self) -> f64 {
         self.opens_s() + OPEN_S
     }
@@ -72,7 +74,7 @@ impl Blink {
         self.start_s + CLOSE_S + self.hold_s
     }
 
-    /// The frames of a clip of `count` in which the lids move.
+    /// The frames in which the lids move, in a clip of `count` frames.
     pub(super) fn frames(&self, fps: f64, count: usize) -> Range<usize> {
         let first = (self.start_s * fps).floor().max(0.0) as usize;
         let rest_s = self.opens_s() + APART_S + REST_S;
@@ -80,7 +82,8 @@ impl Blink {
         first.min(end)..end
     }
 
-    /// How far the lids of the right or the left eye are closed, 0 to 1; smooth, faster down than up.
+    /// How far the lids of the right or the left eye are closed, 0 to 1. Smooth, and faster on the way
+    /// down than up.
     pub(super) fn closure(&self, time_s: f64, right: bool) -> f32 {
         let later_s = if right {
             self.right_later_s
@@ -97,8 +100,8 @@ impl Blink {
 
 /// Draws the blinks of a performance, in rising order. They never overlap.
 ///
-/// `affect`: `[T, 16]` at `fps`, mixture and intensity. `per_minute` counts every closing, both of a double blink too.
-/// Rates near 60 come out a little lower, because blinks never overlap.
+/// `affect`: `[T, 16]` at `fps`, mixture and intensity. `per_minute` counts every closing, so that a
+/// double blink counts twice. Rates near 60 come out a little lower, because blinks never overlap.
 pub fn blinks(
     affect: ArrayView2<'_, f32>,
     fps: f64,
@@ -114,7 +117,7 @@ pub fn blinks(
     let mean_s = 60.0 * (1.0 + DOUBLE_SHARE) / f64::from(per_minute);
     let mut chance = Chance::new(seed, STREAM);
     let leaps = Gaze::draw(prosody, duration_s, seed).large_leaps();
-    // A frame of slow film still sees the lids closed.
+    // The lids stay closed for at least one frame, so that a low frame rate still shows them closed.
     let least_hold_s = (1.0 / fps).clamp(HOLD_S.0, HOLD_S.1);
     let mut time_s = mean_s * chance.unit();
     while time_s < duration_s {
@@ -135,8 +138,8 @@ pub fn blinks(
     blinks
 }
 
-/// Closes the lids further than the emotion already does: `c + w (1 − c)`. So they meet and never pass each other.
-/// Moves nothing but lids. `moved`: `[T, 68, 3]`, canonical metres.
+/// Closes the lids further than the emotion already does: `c + w (1 − c)`. So the lids meet and never
+/// pass each other. Nothing but lids moves. `moved`: `[T, 68, 3]`, canonical metres.
 pub(super) fn close_lids(
     moved: &mut Array3<f32>,
     fps: f64,
@@ -161,7 +164,8 @@ pub(super) fn close_lids(
     Ok(())
 }
 
-/// `time_s`, or the begin of a pause near it, or else a large leap of the eyes near it.
+/// Mostly the start of a pause near `time_s`, or else a large leap of the eyes near it. Otherwise
+/// `time_s`.
 fn near_occasion(
     time_s: f64,
     mean_s: f64,
@@ -184,7 +188,7 @@ fn near_occasion(
     occasion.filter(|_| move_it).unwrap_or(time_s)
 }
 
-/// How much more often the eyes blink under an emotion, `[16]`.
+/// Factor on the blink rate under an emotion, `[16]`.
 fn urge(affect: &[f32]) -> f32 {
     match affect {
         [] => 1.0,
@@ -210,7 +214,7 @@ mod tests {
         curve.sample((MINUTES * 60.0 * 30.0) as usize, 30.0)
     }
 
-    /// A voice that pauses for half a second every three.
+    /// A voice that pauses for half a second every three seconds.
     fn pausing() -> Prosody {
         let mut prosody = Prosody::of(&Waveform {
             samples: vec![0.0; 16_000],
@@ -282,7 +286,7 @@ mod tests {
         };
         let closed = |time_s| blink.closure(time_s, true);
         assert_eq!((closed(1.0), closed(1.07), closed(1.5)), (0.0, 1.0, 0.0));
-        // 40, 80, 120 and 200 ms after the lids begin to open, tracked: 0.81, 0.39, 0.23 and 0.12.
+        // Tracked closure 40, 80, 120 and 200 ms after the lids begin to open: 0.81, 0.39, 0.23, 0.12.
         let tracked = [(0.04, 0.81), (0.08, 0.39), (0.12, 0.2), (0.2, 0.1)];
         for (after_s, value) in tracked {
             let closure = closed(blink.opens_s() + 0.02 + after_s);

@@ -1,22 +1,22 @@
-//! How far motion may go. Past what a face can do there is a warning, far past it an error: such numbers have another
-//! unit, or come from a damaged file.
+//! Bounds on motion. A value beyond what a face can do gives a warning. A value far beyond it gives
+//! an error: it is in another unit, or the file is damaged.
 
 use super::{Life, Motion};
 use crate::{Error, Result};
 
-/// Bounds of one kind of number.
+/// Bounds on one kind of value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
     what: &'static str,
     unit: &'static str,
-    /// More than a face can do.
+    /// A face cannot do more than this: greater values give a warning.
     pub face: f32,
-    /// More than any motion is.
+    /// No motion is greater than this: greater values give an error.
     pub most: f32,
 }
 
-/// How far a landmark or a vertex moves, metres on a human head. A mouth opens by 0.06 m, and twice as far where it is
-/// exaggerated.
+/// Displacement of a landmark or a vertex, metres on a human head. A mouth opens by 0.06 m, an
+/// exaggerated one by twice as much.
 pub const DISPLACEMENT: Bound = Bound {
     what: "displacements",
     unit: " m on a human head",
@@ -24,7 +24,7 @@ pub const DISPLACEMENT: Bound = Bound {
     most: 10.0,
 };
 
-/// How much of a shape is shown.
+/// Weight of a blendshape.
 pub const WEIGHT: Bound = Bound {
     what: "weights",
     unit: "",
@@ -32,7 +32,7 @@ pub const WEIGHT: Bound = Bound {
     most: 1_000.0,
 };
 
-/// How far a head turns about each axis.
+/// Rotation of the head about each axis.
 pub const HEAD: Bound = Bound {
     what: "head",
     unit: " rad",
@@ -40,7 +40,7 @@ pub const HEAD: Bound = Bound {
     most: 20.0,
 };
 
-/// How far eyes turn against the head.
+/// Rotation of the eyes relative to the head.
 pub const GAZE: Bound = Bound {
     what: "gaze",
     unit: " rad",
@@ -49,10 +49,10 @@ pub const GAZE: Bound = Bound {
 };
 
 impl Bound {
-    /// A warning where a value lies beyond what a face can do.
+    /// Warns if a value is beyond what a face can do.
     ///
     /// # Errors
-    /// `InvalidInput` where one lies beyond all measure or is no number.
+    /// `InvalidInput` if a value is beyond `most` or is not a number.
     pub fn check<'a>(&self, values: impl IntoIterator<Item = &'a f32>) -> Result<Option<String>> {
         let largest = |most: f32, value: &f32| match value.is_nan() {
             true => f32::INFINITY,
@@ -76,7 +76,7 @@ impl Bound {
     }
 }
 
-/// Warnings of a motion.
+/// Checks the values of a motion and returns warnings.
 ///
 /// # Errors
 /// Those of [`Bound::check`].
@@ -89,7 +89,7 @@ pub fn check_motion(motion: &Motion) -> Result<Vec<String>> {
     Ok(warning.into_iter().collect())
 }
 
-/// Warnings of what head and eyes do.
+/// Checks the rotations of head and eyes and returns warnings.
 ///
 /// # Errors
 /// Those of [`Bound::check`].

@@ -1,8 +1,8 @@
-//! Lips that part before a phrase, to breathe in.
+//! Parts the lips before a phrase, to breathe in.
 //!
-//! In the tracked face of grid_s1 lips open over the half second before every phrase, to 4 to 6 mm, and
-//! close again in time where the phrase begins with p, b or m. Here they part by less: what a model
-//! does of it by itself stays, and only what is missing is added.
+//! In the tracked face of grid_s1 the lips open by 4 to 6 mm over the half second before every
+//! phrase. They close again in time if the phrase begins with p, b or m. Here they part less: the
+//! opening that the model already makes stays, and only the missing part is added.
 
 use ndarray::{Array3, ArrayView3};
 
@@ -14,23 +14,23 @@ use crate::{Result, audio::Prosody, mesh::ibug::speaking};
 
 /// How far the inner lips part at strength 1, metres.
 const PARTED_M: f32 = 2.0e-3;
-/// They begin this long before the voice, seconds, and need so long.
+/// The lips begin to part this long before the voice, and take this long to do so, seconds.
 const BEFORE_S: f64 = 0.55;
 const OPENING_S: f64 = 0.42;
-/// How long they take to give way to speech.
+/// How long they take to give way to speech, seconds.
 const CLOSING_S: f64 = 0.12;
-/// Lips nearer than this over neutral are closed, metres.
+/// Lips with a smaller gap than this are closed, metres more than in the neutral face.
 const CLOSED_M: f32 = 0.5e-3;
-/// A closure that belongs to the begin of the phrase lies this near to it, seconds; breath is over this
-/// long before it.
+/// A closure this long before or after the start of a phrase belongs to it, seconds. The breath is
+/// over this long (`FREE_S`) before the closure.
 const CLOSURE_NEAR_S: (f64, f64) = (0.06, 0.2);
 const FREE_S: f64 = 0.04;
-/// Shorter pauses bring no breath, seconds.
+/// A pause shorter than this brings no breath, seconds.
 const PAUSE_S: f64 = 0.35;
 const UPPER: usize = 62;
 const LOWER: usize = 66;
 
-/// One breath, seconds: the lips begin to part, and rest again.
+/// One breath, seconds. The lips begin to part at the start and rest again at the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Breath {
     start_s: f64,
@@ -46,10 +46,10 @@ impl Breath {
     }
 }
 
-/// Parts the lips before phrases by up to `strength` times 2 mm, and never where they close.
+/// Parts the lips before phrases by up to `strength` times 2 mm, but never where they close.
 ///
-/// `moved`: `[T, 68, 3]`, canonical metres; `sampled`: the same before any control, in which closures are
-/// looked for.
+/// `moved`: `[T, 68, 3]`, canonical metres. Closures are found in `sampled`, the same before
+/// any control.
 pub(super) fn breathe(
     moved: &mut Array3<f32>,
     sampled: ArrayView3<'_, f32>,
@@ -77,7 +77,8 @@ pub(super) fn breathe(
     Ok(())
 }
 
-/// A breath before each phrase that follows a pause; over before a closure at its begin.
+/// One breath before each phrase that follows a long enough pause. It ends before a closure at the
+/// start of the phrase.
 fn breaths(prosody: &Prosody, sampled: ArrayView3<'_, f32>, fps: f64) -> Vec<Breath> {
     let frames = sampled.dim().0;
     let closed = |t: &usize| sampled[[*t, UPPER, 1]] - sampled[[*t, LOWER, 1]] < CLOSED_M;
@@ -105,7 +106,8 @@ mod tests {
 
     const FPS: f64 = 50.0;
 
-    /// Lips 6 mm apart while somebody speaks and shortly before, closed for 0.1 s from `closure_s` on, at rest in pauses.
+    /// Lips 6 mm apart during speech and shortly before, closed for 0.1 s from `closure_s` on, at rest
+    /// in pauses.
     fn sampled(pause: usize, closure_s: Option<f64>) -> Array3<f32> {
         Array3::from_shape_fn((450, 68, 3), |(t, n, i)| {
             let time_s = t as f64 / FPS;

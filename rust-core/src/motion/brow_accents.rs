@@ -1,9 +1,9 @@
-//! Raises of the brows on stressed syllables.
+//! Brow raises on stressed syllables.
 //!
-//! Most rapid raises go with a rise of the pitch, but far from every rise has one (Cavé et al. 1996);
-//! they begin about 60 ms before the accent (Flecha-García 2010). So each prominent syllable has a
-//! chance that grows with its prominence. Raises are as high as those of grid_s1's tracked speaker, 1 to 1.5 mm, and
-//! higher in lively speech.
+//! Most rapid brow raises accompany a rise in pitch, but many rises in pitch have no raise (Cavé et
+//! al. 1996). Raises begin about 60 ms before the accent (Flecha-García 2010). So the chance of a
+//! raise grows with the prominence of a syllable. Raises are as high as those of grid_s1's tracked
+//! speaker, 1 to 1.5 mm, and higher in lively speech.
 
 use ndarray::{Array2, Array3};
 
@@ -11,25 +11,25 @@ use super::{chance::Chance, face_modes::FaceModes, liveliness::liveliness};
 use crate::mesh::ibug::BROWS;
 use crate::{Result, audio::Prosody};
 
-/// Number of this process among the streams of a seed.
+/// Number of the random stream that draws the accents.
 const STREAM: u64 = u64::MAX - 1;
-/// Flecha-García 2010.
+/// A raise is complete this long before its syllable's nucleus, seconds, after Flecha-García 2010.
 pub(super) const LEAD_S: f64 = 0.06;
 pub(super) const ONSET_S: f64 = 0.12;
 const APEX_S: f64 = 0.08;
 const OFFSET_S: f64 = 0.25;
-/// Prominence, in deviations, from which a syllable may count as stressed.
+/// A syllable of at least this prominence, in standard deviations, may count as stressed.
 pub(super) const STRESSED: f32 = 0.6;
-/// Chance of a raise for each deviation of prominence, at most.
+/// Chance of a raise per standard deviation of prominence, and the greatest chance.
 const CHANCE: f64 = 0.3;
 const MOST_CHANCE: f64 = 0.75;
-/// Raises begin no nearer to one another.
+/// The shortest time from the start of one raise to the next, seconds.
 const APART_S: f64 = 0.8;
 /// Weight of the modes at the least and the greatest prominence.
 const WEIGHT: (f64, f64) = (0.1, 0.2);
-/// How much a liveliness of 1 adds to that, as a share.
+/// How much a liveliness of 1 adds to that weight, as a share.
 const LIVELY: f64 = 0.8;
-/// What raises the brows, all together.
+/// The modes that together raise the brows.
 pub(super) const RAISING: [&str; 4] = [
     "browInnerUp_L",
     "browInnerUp_R",
@@ -37,7 +37,7 @@ pub(super) const RAISING: [&str; 4] = [
     "browOuterUp_R",
 ];
 
-/// One raise.
+/// One brow raise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrowAccent {
     /// When the brows begin to rise, seconds.
@@ -59,13 +59,13 @@ impl BrowAccent {
     }
 }
 
-/// Draws the raises of a performance, rising and apart from one another.
+/// Draws the raises of a performance, in rising order and apart from one another.
 pub fn brow_accents(prosody: &Prosody, seed: u64) -> Vec<BrowAccent> {
     let mut chance = Chance::new(seed, STREAM);
     let mut accents: Vec<BrowAccent> = Vec::new();
     let lively = 1.0 + LIVELY * liveliness(prosody);
     for (frame, prominence) in prominences(prosody) {
-        // Drawn for every syllable, so that one syllable more does not shift what others get.
+        // Every syllable draws, stressed or not: whether one gets a raise does not shift later draws.
         let (drawn, spread) = (chance.unit(), chance.between(-0.03, 0.03));
         let start_s = (Prosody::time_s(frame) - LEAD_S - ONSET_S).max(0.0);
         let free = accents
@@ -111,7 +111,8 @@ pub(super) fn raise_brows(
     Ok(())
 }
 
-/// How far each syllable stands out of the clip in level and pitch, in deviations: `(frame, value)`.
+/// How far each syllable stands out from the clip in level and pitch, in standard deviations:
+/// `(frame, value)`.
 pub(super) fn prominences(prosody: &Prosody) -> Vec<(usize, f32)> {
     let level: Vec<f32> = prosody
         .nuclei
@@ -135,7 +136,7 @@ fn semitones(prosody: &Prosody, frame: usize) -> f32 {
     12.0 * near.iter().copied().fold(1.0, f32::max).log2()
 }
 
-/// Deviations from the mean; all 0 where nothing deviates.
+/// Values in standard deviations from their mean; all 0 if they hardly vary.
 fn standardised(values: &[f32]) -> Vec<f32> {
     let count = values.len().max(1) as f32;
     let mean = values.iter().sum::<f32>() / count;
@@ -153,7 +154,7 @@ mod tests {
     use super::*;
     use crate::audio::PROSODY_FPS;
 
-    /// Two syllables a second for ten minutes; every fourth is 10 dB louder and higher by a half.
+    /// Two syllables a second for ten minutes. Every fourth is 10 dB louder and higher by a half.
     fn stressed() -> Prosody {
         let frames = (600.0 * PROSODY_FPS) as usize;
         let nuclei: Vec<usize> = (0..1200).map(|k| 50 * k + 25).collect();
@@ -175,7 +176,7 @@ mod tests {
     #[test]
     fn raises_begin_before_stressed_syllables_and_not_at_all_of_them() {
         let accents = brow_accents(&stressed(), 2);
-        // 300 stressed syllables, prominence 1.7: about one in two.
+        // 300 stressed syllables of prominence 1.7: about half of them get a raise.
         assert!((100..200).contains(&accents.len()), "{}", accents.len());
         for accent in &accents {
             let syllable = (accent.start_s + LEAD_S + ONSET_S - 0.255) / 2.0;

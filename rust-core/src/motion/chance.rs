@@ -1,15 +1,15 @@
-//! Seeded chance that is the same on every platform.
+//! Seeded random numbers that are the same on every platform.
 
 use rand_chacha::{
     ChaCha8Rng,
     rand_core::{RngCore, SeedableRng},
 };
 
-/// A stream of uniform numbers.
+/// A stream of uniform random numbers.
 pub(super) struct Chance(ChaCha8Rng);
 
 impl Chance {
-    /// Streams of different numbers are independent of one another.
+    /// Streams with different numbers are independent of one another.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(stream);

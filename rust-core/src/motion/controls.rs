@@ -1,23 +1,23 @@
-//! What an artist may change in landmark motion after it was sampled.
+//! Controls with which an artist changes landmark motion after it was sampled.
 
 use crate::conditions::{Control, ControlStage, ControlValues, Controls};
 
-/// One line for each control: the struct, its defaults and the entries that interfaces show all
+/// One entry for each control. The struct, its defaults and the entries that interfaces show all
 /// come from it.
 macro_rules! performance_controls {
     ($($name:ident: $label:literal, $unit:literal, $range:expr, default $default:literal,
         neutral $neutral:literal, $animatable:ident, $help:literal;)*) => {
-        /// Controls over sampled landmark motion; changing one needs no new sampling.
+        /// Controls over sampled landmark motion. Changing one needs no new sampling.
         ///
-        /// The default opens the mouth as far as the voice's effort says and adds what lives around speech:
-        /// blinks, raises of the brows, head, gaze, breath, and the slow changes that make one take differ
-        /// from another.
+        /// The default opens the mouth as far as the voice's effort says. It adds the motion around speech:
+        /// blinks, brow raises, head, gaze, tongue, breath, and slow changes that make one take differ from
+        /// another.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct PerformanceControls {
             $(#[doc = $help] pub $name: f32,)*
         }
 
-        /// The same as interfaces show them.
+        /// The controls as interfaces show them.
         pub static PERFORMANCE_CONTROLS: &[Control] = &[$(Control {
             name: stringify!($name),
             label: $label,
@@ -39,7 +39,7 @@ macro_rules! performance_controls {
         }
 
         impl PerformanceControls {
-            /// The motion as the model made it, nothing added: for evaluation.
+            /// Leaves the sampled motion unchanged. For evaluation.
             pub fn as_sampled() -> Self {
                 PerformanceControls { $($name: $neutral,)* }
             }
@@ -102,7 +102,7 @@ performance_controls! {
          gestures; closed lips stay closed.";
 }
 
-/// One of [`PERFORMANCE_CONTROLS`] by its name, for systems that have some of them.
+/// Finds one of [`PERFORMANCE_CONTROLS`] by its name, for systems that have only some of them.
 #[cfg(feature = "cafe-talk")]
 pub(crate) const fn control_named(name: &str) -> Control {
     let mut n = 0;

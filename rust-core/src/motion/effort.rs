@@ -1,11 +1,11 @@
-//! How far the voice's effort opens the mouth.
+//! Scales how far the mouth opens by the effort of the voice.
 //!
-//! Level says little, for it depends on the microphone's distance and is normalised away. Effort shows in
-//! the balance of the spectrum (loud voices carry 6 dB more above 1 kHz), in a raised pitch, and in
-//! whether there is a voice at all: whisper has none. Calibrated on readings in four languages and on ten
-//! actors of emodb_de (mean gain: neutral 1.00, anger 1.22, joy 1.14, sadness 0.95; readings 0.95 to 1.03;
-//! whispered ones, made from them by noise through their LPC filters, 0.75). A speaker who declaims counts
-//! as loud.
+//! The level says little, because it depends on the microphone's distance and is normalised away.
+//! Effort shows in the balance of the spectrum (loud voices carry 6 dB more above 1 kHz), in a raised
+//! pitch, and in whether there is a voice at all: a whisper has none. The gains are calibrated on
+//! readings in four languages and on ten actors of emodb_de (mean gain: neutral 1.00, anger 1.22, joy
+//! 1.14, sadness 0.95; readings 0.95 to 1.03; whispers 0.75, made from the readings by sending noise
+//! through their LPC filters). A speaker who declaims counts as loud.
 
 use std::ops::Range;
 
@@ -15,29 +15,30 @@ use crate::audio::{PROSODY_FPS, Prosody};
 const LOUDEST: f32 = 1.3;
 const SLACKEST: f32 = 0.92;
 const WHISPER: f32 = 0.75;
-/// Spectral balance, dB above 1 kHz over that below, from which a voice counts as strained, and where it
-/// shouts; and the same for slack voices.
+/// Spectral balance (dB above 1 kHz relative to below) at which strain begins, and at which it is
+/// full. The same for slack voices.
 const STRAIN_DB: (f32, f32) = (-7.0, -3.0);
 const SLACK_DB: (f32, f32) = (-10.5, -15.5);
-/// Median pitch in semitones over 1 Hz that nobody reads at, and of shouts: 228 and 323 Hz.
+/// Median pitch above which nobody reads, and that of shouts, semitones over 1 Hz: 228 and 323 Hz.
 const RAISED: (f32, f32) = (94.0, 100.0);
-/// What a raised pitch counts beside a strained spectrum.
+/// Weight of a raised pitch relative to a strained spectrum.
 const RAISED_SHARE: f32 = 0.4;
-/// Share of voiced frames of a whisper, and of a voice.
+/// Share of voiced frames in a whisper, and in a voice.
 const VOICED: (f32, f32) = (0.15, 0.4);
-/// Frames this far below the loud ones are no speech; what lies nearer is its strong part.
+/// Frames this far below the loud level are not speech; frames nearer to it than `STRONG_DB` are the
+/// strong part of speech.
 const SPEECH_DB: f32 = 20.0;
 const STRONG_DB: f32 = 12.0;
-/// Where nothing is louder than that nobody speaks, dB of full scale.
+/// Nobody speaks if the loud level is below this, dB of full scale.
 const SILENT_DB: f32 = -70.0;
-/// A phrase of so many frames counts as much as the whole clip does.
+/// A phrase of this many frames counts as much as the whole clip.
 const PHRASE: f32 = 200.0;
-/// Less speech than that says little about whisper, frames.
+/// Less speech than this says little about whether it is a whisper, frames.
 const LEAST: f32 = 50.0;
-/// Deviation of the way from one phrase to the next, seconds.
+/// Standard deviation of the fade from one phrase to the next, seconds.
 const SETTLING_S: f64 = 0.15;
 
-/// What is heard in a stretch of speech, sums over frames at [`PROSODY_FPS`].
+/// Measures of a stretch of speech, summed over frames at [`PROSODY_FPS`].
 #[derive(Debug, Clone, Copy, Default)]
 struct Stretch {
     speech: f32,
@@ -47,8 +48,9 @@ struct Stretch {
     pitch: f32,
 }
 
-/// Factors on the speech motion of jaw and lips, `[frames]`, by what is heard: 1 for ordinary reading,
-/// about 1.3 for shouting, 0.75 for whisper. `effort` is their exponent; at 0 they are 1.
+/// Factors on the speech motion of jaw and lips, `[frames]`, from the sound of the voice: 1 for
+/// ordinary reading, about 1.3 for shouting, 0.75 for a whisper. `effort` is their exponent; at 0 all
+/// are 1.
 pub fn effort_gain(prosody: &Prosody, frames: usize, fps: f64, effort: f32) -> Vec<f32> {
     let whole = Stretch::of(prosody, 0..prosody.level_db.len());
     if effort == 0.0 || whole.speech == 0.0 || prosody.loud_db < SILENT_DB {
@@ -79,8 +81,8 @@ fn phrases(prosody: &Prosody) -> impl Iterator<Item = Range<usize>> {
     pairs.into_iter().filter(|phrase| !phrase.is_empty())
 }
 
-/// The gain at an instant; one phrase goes over into the next like the integral of a Gaussian, near enough
-/// a logistic curve.
+/// The gain at a time. It fades from one phrase to the next along a logistic curve, which is close to
+/// the integral of a Gaussian.
 fn mixed(phrases: &[(Range<usize>, f32)], time_s: f64) -> f32 {
     let mut gain = phrases.first().map_or(1.0, |(_, gain)| *gain);
     for pair in phrases.windows(2) {
@@ -115,7 +117,7 @@ impl Stretch {
         sum
     }
 
-    /// The same with [`PHRASE`] frames of the whole clip.
+    /// Adds the equivalent of [`PHRASE`] frames of the whole clip.
     fn beside(&self, whole: &Stretch) -> Stretch {
         let of_speech = PHRASE / whole.speech.max(1.0);
         let of_strong = PHRASE / whole.strong.max(1.0);
@@ -128,7 +130,7 @@ impl Stretch {
         }
     }
 
-    /// `speech`: frames of speech in the whole clip.
+    /// The gain of the stretch. `speech`: frames of speech in the whole clip.
     fn gain(&self, speech: f32) -> f32 {
         let voice = match self.strong > 0.0 {
             true => {
@@ -146,7 +148,7 @@ impl Stretch {
     }
 }
 
-/// How far `x` is on the way from the first to the second, 0 to 1.
+/// Position of `x` on the way from `from` to `to`, 0 to 1.
 fn part(x: f32, (from, to): (f32, f32)) -> f32 {
     ((x - from) / (to - from)).clamp(0.0, 1.0)
 }
@@ -156,7 +158,8 @@ mod tests {
     use super::*;
     use crate::audio::Waveform;
 
-    /// Ten seconds of syllables; every property for each of two phrases with half a second between them.
+    /// Ten seconds of speech: two phrases with half a second between them. Each argument has one value
+    /// for each phrase.
     fn spoken(balance_db: [f32; 2], pitch_hz: [f32; 2]) -> Prosody {
         let phrase = |t: usize| usize::from(t >= 500);
         let pause = 475..525;

@@ -1,4 +1,4 @@
-//! ARKit's expressions at the landmarks.
+//! Displacements of the landmarks under ARKit's blendshapes.
 //!
 //! Twin of `training/corpus/ict.py`, written by `training/export.py`.
 
@@ -13,7 +13,7 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the face modes.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::FACE_MODES);
 
 /// Expression modes of the mean ICT face.

@@ -1,4 +1,4 @@
-//! Motion while somebody is speaking, as any system offers it.
+//! Live motion while somebody is speaking: the interface of every system that streams.
 
 use ndarray::Array3;
 
@@ -12,9 +12,10 @@ use crate::{
     speech::frames_of,
 };
 
-/// All that a stream makes of a whole sound: `samples` `[S]`, mono, 16 kHz.
+/// Sends a whole sound through a stream: `samples` `[S]`, mono, 16 kHz.
 ///
-/// There is one frame for every started `1 / fps` seconds; the emotion is that of each frame's instant.
+/// There is one frame for every `1 / fps` seconds that have begun. Each frame has the emotion of its
+/// own time.
 ///
 /// # Errors
 /// Those of [`MotionStream::push`] and [`MotionStream::set_emotion`]; `Cancelled`.
@@ -46,7 +47,7 @@ pub fn stream_whole(
 /// The face at one instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandmarkFrame {
-    /// Number of the frame; it stands at `index / fps` seconds of the sound.
+    /// Number of the frame. Its time is `index / fps` seconds of the sound.
     pub index: usize,
     /// `[68][3]`, displacement from the neutral face in canonical metres.
     pub displacements: [[f32; 3]; LANDMARKS],
@@ -54,8 +55,9 @@ pub struct LandmarkFrame {
 
 /// A performance in progress: push samples, pull frames of landmarks.
 ///
-/// The frames are the same bit for bit however the samples were cut into pushes. Speech moves the face; under music, keys,
-/// breath and noise it rests, unless [`MotionStream::hear_all`] was called.
+/// The frames are the same bit for bit however the samples were cut into pushes. Speech moves the
+/// face. Under music, keystrokes, breath and noise the face rests, unless [`MotionStream::hear_all`]
+/// was called.
 ///
 /// ```
 /// # use anyface::{Engine, EngineOptions};
@@ -74,36 +76,37 @@ pub struct LandmarkFrame {
 /// # Ok::<(), anyface::Error>(())
 /// ```
 pub trait MotionStream: Send {
-    /// Takes samples: mono, 16 kHz, nominally in [−1, 1]. They are only kept; [`Self::pull`] works.
+    /// Takes samples: mono, 16 kHz, nominally in [−1, 1]. This only stores them; [`Self::pull`] does the
+    /// work.
     ///
     /// # Errors
-    /// `InvalidInput` after [`Self::finish`]; `Audio` for samples that are not finite, none of which
-    /// is then taken.
+    /// `InvalidInput` after [`Self::finish`]; `Audio` for samples that are not finite, in which case none
+    /// of them is taken.
     fn push(&mut self, samples: &[f32]) -> Result<()>;
 
-    /// The next frame, or `None` until more samples are there.
+    /// The next frame, or `None` until more samples have arrived.
     fn pull(&mut self) -> Option<LandmarkFrame>;
 
-    /// Ends the sound: silence follows, and every frame that began can be pulled.
+    /// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
     ///
     /// # Errors
     /// `InvalidInput` the second time.
     fn finish(&mut self) -> Result<()>;
 
-    /// Emotion from the next frame on.
+    /// Sets the emotion from the next frame on.
     ///
     /// # Errors
     /// `InvalidInput` for an emotion that is not finite.
     fn set_emotion(&mut self, emotion: &Emotion) -> Result<()>;
 
-    /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
+    /// Lets every sound move the face from here on, even singing, music and noise. Before, only speech does.
     fn hear_all(&mut self);
 
-    /// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. Without
-    /// it a stream looks ahead as far as it can.
+    /// Limits the look-ahead to `seconds`, from the first sound on. The face then moves sooner but follows
+    /// the speech less surely. By default a stream looks ahead as far as it can.
     ///
     /// # Errors
-    /// `InvalidInput` if no look-ahead of the system is so short, or after the first sound.
+    /// `InvalidInput` if the system has no look-ahead that short, or after the first sound.
     fn look_ahead(&mut self, seconds: f64) -> Result<()> {
         match seconds >= self.latency_s() {
             true => Ok(()),
@@ -117,7 +120,7 @@ pub trait MotionStream: Send {
     /// Frames per second.
     fn fps(&self) -> f64;
 
-    /// Seconds of sound after a frame's own instant that it waits for.
+    /// Seconds of sound after its own time that a frame waits for.
     fn latency_s(&self) -> f64;
 
     /// All frames that are ready.
@@ -126,7 +129,7 @@ pub trait MotionStream: Send {
     }
 }
 
-/// Refuses a look-ahead that is shorter than the least of a system.
+/// Refuses a look-ahead that is shorter than the shortest one of a system.
 pub(crate) fn too_short(least_s: f64, seconds: f64) -> Error {
     Error::InvalidInput(format!(
         "look-ahead: expected {least_s} s or more of this system, got {seconds}"

@@ -1,11 +1,12 @@
 //! Where the eyes look while somebody speaks to a partner.
 //!
-//! The eyes rest on one point, leap to another and rest again. Most points lie on the partner's face: eyes
-//! and mouth, 3° apart at the distance of a talk. Now and then the speaker looks away, rather where
-//! a phrase begins, and comes back (Kendon 1967; Argyle & Cook 1976). A leap takes 21 ms and 2.2 ms for
-//! each degree (Carpenter 1988, as in Lee, Badler & Badler, Eyes Alive, 2002). While they rest, the eyes
-//! turn against the head and stay on their point, and both meet there. How often: the tracked eyes of
-//! grid_s1 leap 22 to 91 times a minute (median 43; leaps of at least 1.5°, half of them beyond 3.3°).
+//! The eyes rest on one point, leap to another and rest again. Most points lie on the partner's face:
+//! its eyes and mouth, 3° apart at talking distance. Now and then the speaker looks away, more likely
+//! at the start of a phrase, and comes back (Kendon 1967; Argyle & Cook 1976). A leap takes 21 ms plus
+//! 2.2 ms for each degree (Carpenter 1988, as in Lee, Badler & Badler, Eyes Alive, 2002). During a
+//! rest both eyes stay on the same point: they turn against the head when it moves. The tracked eyes
+//! of grid_s1 leap 22 to 91 times a minute (median 43; leaps of at least 1.5°, half of them beyond
+//! 3.3°).
 
 use std::ops::Range;
 
@@ -15,44 +16,45 @@ use super::{
 };
 use crate::audio::Prosody;
 
-/// Number of this process among the streams of a seed.
+/// Number of the random stream that draws the gaze.
 const STREAM: u64 = u64::MAX - 3;
-/// Distance of the partner, metres: a talk between two (Hall 1966, 0.45 to 1.2 m and beyond).
+/// Distance of the partner in a talk between two, metres (Hall 1966, 0.45 to 1.2 m and beyond).
 const PARTNER_M: f64 = 1.2;
-/// Centres of the eyeballs, right one first, canonical metres: of the mean ICT face.
+/// Centres of the eyeballs of the mean ICT face, the right one first, canonical metres.
 pub(super) const EYES: [[f64; 3]; 2] = [[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]];
-/// Right eye, left eye and mouth of the partner seen from the middle between the speaker's eyes: to the
-/// left and up, degrees, and how often each is looked at.
+/// The partner's two eyes and mouth, in degrees to the left and up from the middle between the
+/// speaker's eyes, and how often the speaker looks at each.
 const FACE_DEG: [([f64; 2], f64); 3] = [([-1.5, 0.0], 0.4), ([1.5, 0.0], 0.4), ([0.0, -3.2], 0.2)];
-/// How far beside these points the eyes land, degrees.
+/// How far the eyes land from these points at most, degrees along each axis.
 const SCATTER_DEG: f64 = 0.5;
-/// How long the eyes rest on the partner and beside: least and mean of what is drawn, seconds.
+/// How long the eyes rest on the partner, and away from the partner: least and mean time, seconds.
 const REST_S: (f64, f64) = (0.3, 1.2);
 const AWAY_S: (f64, f64) = (0.3, 0.8);
-/// Chance that a leap goes beside the partner, and the same where a phrase begins.
+/// Chance that a leap goes away from the partner, and that chance at the start of a phrase.
 const AWAY: f64 = 0.12;
 const AWAY_AT_START: f64 = 0.4;
-/// How near to the begin of a phrase that is, seconds.
+/// A leap within this time of the first sound of a phrase counts as at its start, seconds.
 const START_S: f64 = 0.4;
-/// How far beside, degrees.
+/// How far away from the partner the eyes look: least and greatest, degrees.
 const AWAY_DEG: (f64, f64) = (5.0, 11.0);
-/// How far eyes that avoid the partner look to the side and down, degrees, and how often to the other side.
+/// How far eyes that avoid the partner look to the side and down, degrees. `OTHER_SIDE` is the share
+/// of these rests on the less preferred side.
 const AVERTED_DEG: [(f64, f64); 2] = [(4.0, 12.0), (5.0, 10.0)];
 const OTHER_SIDE: f64 = 0.2;
-/// Number of their draws among the streams of a seed.
+/// Number of the random stream that draws the averted rests.
 const AVERSION_STREAM: u64 = u64::MAX - 5;
-/// Time of a leap: for itself and for each degree, seconds.
+/// Duration of a leap: a constant part, and a part for each degree, seconds.
 const LEAP_S: f64 = 0.021;
 const LEAP_S_PER_DEG: f64 = 0.0022;
-/// From here on a leap invites a blink (Evinger et al. 1994), degrees.
+/// A leap of at least this size invites a blink (Evinger et al. 1994), degrees.
 pub(super) const LARGE_DEG: f64 = 5.0;
 
-/// The eyes leap to a point and rest there.
+/// A point that the eyes leap to and rest on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Fixation {
     /// When the leap begins, seconds.
     start_s: f64,
-    /// To the speaker's left and up, from the middle between the eyes, degrees.
+    /// Direction from the middle between the eyes: to the speaker's left and up, degrees.
     point_deg: [f64; 2],
     is_away: bool,
 }
@@ -61,7 +63,7 @@ struct Fixation {
 pub(super) struct Gaze(Vec<Fixation>);
 
 impl Gaze {
-    /// Same seed and sound, same points.
+    /// The same seed and sound give the same points.
     pub(super) fn draw(prosody: &Prosody, duration_s: f64, seed: u64) -> Self {
         let phrases = Phrases::of(prosody);
         let mut chance = Chance::new(seed, STREAM);
@@ -80,13 +82,13 @@ impl Gaze {
         Gaze(fixations)
     }
 
-    /// Lets the eyes rest beside the partner, down and to the side that the seed prefers, for a share of the rests;
-    /// `aversion`: that share at a time in seconds.
+    /// Turns a share of the rests away from the partner, down and mostly to the side that the seed
+    /// prefers. `aversion`: that share at a time in seconds.
     pub(super) fn avert(&mut self, aversion: impl Fn(f64) -> f64, seed: u64) {
         let mut chance = Chance::new(seed, AVERSION_STREAM);
         let side = if chance.unit() < 0.5 { -1.0 } else { 1.0 };
         for fixation in &mut self.0 {
-            // Drawn for every rest, so that another emotion leaves the other rests where they are.
+            // Every rest draws, averted or not, so that a change of emotion moves no other rest.
             let (drawn, other) = (chance.unit(), chance.unit());
             let across = chance.between(AVERTED_DEG[0].0, AVERTED_DEG[0].1);
             let down = chance.between(AVERTED_DEG[1].0, AVERTED_DEG[1].1);
@@ -98,8 +100,8 @@ impl Gaze {
         }
     }
 
-    /// Yaw to the speaker's left and pitch up of the right and the left eye, radians, in a head that is turned
-    /// by the rotation vector `head` (radians, about the middle between the jaw's hinges).
+    /// Yaw (to the speaker's left) and pitch (up) of the right and the left eye in the head, radians.
+    /// `head`: rotation vector of the head, radians, about the middle between the jaw's hinges.
     pub(super) fn at(&self, time_s: f64, head: [f64; 3]) -> [[f64; 2]; 2] {
         let target = point(self.point_deg(time_s));
         EYES.map(|eye| {
@@ -110,13 +112,13 @@ impl Gaze {
         })
     }
 
-    /// When the eyes leap far, seconds, rising.
+    /// Start times of the large leaps, seconds, in rising order.
     pub(super) fn large_leaps(&self) -> Vec<f64> {
         let leaps = self.leaps().filter(|(_, size)| *size >= LARGE_DEG);
         leaps.map(|(stretch, _)| stretch.start).collect()
     }
 
-    /// The time of each leap and its size in degrees.
+    /// The time span of each leap and its size in degrees.
     fn leaps(&self) -> impl Iterator<Item = (Range<f64>, f64)> {
         self.0.windows(2).map(|pair| {
             let [from, to] = [pair[0], pair[1]].map(|fixation| fixation.point_deg);
@@ -144,7 +146,7 @@ fn leap_s(size_deg: f64) -> f64 {
     LEAP_S + LEAP_S_PER_DEG * size_deg
 }
 
-/// A time of at least `least` whose mean is `mean`: long ones are rare.
+/// A random time of at least `least` and on average about `mean`. Long times are rare.
 fn rest_s((least, mean): (f64, f64), chance: &mut Chance) -> f64 {
     let more = -(1.0 - chance.unit()).ln();
     least + (mean - least) * more.min(3.0)
@@ -167,13 +169,13 @@ fn next(before: Fixation, start_s: f64, phrases: &Phrases, chance: &mut Chance) 
     }
 }
 
-/// Rather sideways than up or down.
+/// A point away from the partner, farther to the side than up or down.
 fn beside(turn: f64, size: f64) -> [f64; 2] {
     let angle = std::f64::consts::TAU * turn;
     [size * angle.cos(), 0.6 * size * angle.sin()]
 }
 
-/// A point of the partner's face that the eyes do not rest on already.
+/// A point of the partner's face at which the eyes are not already looking.
 fn on_face(now: [f64; 2], pick: f64) -> [f64; 2] {
     let far = |point: &[f64; 2]| (point[0] - now[0]).hypot(point[1] - now[1]) > 2.0;
     let free = || FACE_DEG.iter().filter(|(point, _)| far(point));
@@ -193,7 +195,8 @@ fn scattered(point: [f64; 2], chance: &mut Chance) -> [f64; 2] {
     point.map(|x| x + chance.between(-SCATTER_DEG, SCATTER_DEG))
 }
 
-/// Where a direction from the middle between the eyes ends at the partner's distance, canonical metres.
+/// The point in a direction from the middle between the eyes, at the partner's distance, canonical
+/// metres.
 fn point([left_deg, up_deg]: [f64; 2]) -> [f64; 3] {
     let [right, left] = EYES;
     let middle: [f64; 3] = std::array::from_fn(|i| 0.5 * (right[i] + left[i]));
@@ -280,7 +283,7 @@ mod tests {
         let straight = gaze.at(0.0, STILL)[0];
         let nodded = gaze.at(0.0, [0.02, 0.0, 0.0])[0];
         let turned = gaze.at(0.0, [0.0, 0.02, 0.0])[0];
-        // A head that nods down has eyes that rise, one that turns left has eyes that go right.
+        // When the head nods down, the eyes turn up. When it turns left, they turn right.
         assert!((0.015..0.025).contains(&(nodded[1] - straight[1])));
         assert!((-0.025..-0.015).contains(&(turned[0] - straight[0])));
     }

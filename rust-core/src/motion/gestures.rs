@@ -1,10 +1,11 @@
-//! Gestures of an emotion: what brows, lids, cheeks, nose and corners of the mouth do while it lasts.
+//! Gestures of an emotion: how brows, lids, cheeks, nose and mouth corners move while it lasts.
 //!
-//! A felt expression is no still pose. It shows again and again for half a second to four seconds (Ekman & Friesen
-//! 1982), comes in about half a second and goes slower (Schmidt et al. 2006), and rarely on both sides alike. So
-//! each of three tracks (brows; lids, cheeks and nose; corners and chin) plays one gesture after another: onset,
-//! apex, offset, pause. Which gestures an emotion has follows its action units; how strong they are is our own choice,
-//! so that brows vary by about a millimetre over a take. Sad faces gesture slowly, happy ones fast, as their heads move.
+//! A felt expression is not a still pose. It appears again and again for half a second to four seconds
+//! (Ekman & Friesen 1982). It rises in about half a second, fades more slowly (Schmidt et al. 2006)
+//! and is rarely the same on both sides. So each of three tracks (brows; lids, cheeks and nose; corners
+//! and chin) plays one gesture after another: onset, apex, offset, pause. The gestures of an emotion
+//! follow its action units. Their strength is our own choice, so that brows vary by about a millimetre
+//! over a take. Sad faces gesture slowly and happy ones fast, just as their heads move.
 
 use ndarray::{Array2, Array3, ArrayViewMut2};
 
@@ -15,19 +16,19 @@ use crate::{
     mesh::ibug::{LANDMARKS, MOUTH},
 };
 
-/// Numbers of the tracks among the streams of a seed: the first, one for each track.
+/// First of the random streams of the gestures: one for each track.
 const STREAM: u64 = u64::MAX - 110;
-/// Least and greatest time of a gesture's parts and of the pause after it, at a pace of 1, seconds.
+/// Least and greatest duration of a gesture's parts and of the pause after it, at a pace of 1, seconds.
 const ONSET_S: (f64, f64) = (0.3, 0.55);
 const APEX_S: (f64, f64) = (0.3, 1.5);
 const OFFSET_S: (f64, f64) = (0.5, 0.95);
 const PAUSE_S: (f64, f64) = (0.2, 1.4);
-/// How large a gesture is: least and greatest share of its pattern.
+/// Least and greatest size of a gesture, as a share of its pattern.
 const SIZE: (f64, f64) = (0.75, 1.3);
-/// How much larger a gesture may be on one side, and smaller on the other.
+/// The share by which a gesture may at most be larger on one side and smaller on the other.
 const SIDE: f64 = 0.3;
 
-/// The shapes of gestures, named as [`FaceModes`] names them: the right and the left one of each pair.
+/// The shapes of gestures by their names in [`FaceModes`], the right and the left one of each pair.
 const PAIRS: [[&str; 2]; 13] = [
     ["browInnerUp_R", "browInnerUp_L"],
     ["browOuterUp_R", "browOuterUp_L"],
@@ -60,12 +61,13 @@ const CHIN: usize = 12;
 /// Weight of each pair of shapes, the subject's right and left.
 pub(super) type GestureWeights = [[f32; 2]; PAIRS.len()];
 
-/// What a gesture asks for at its apex under an emotion of strength 1: pair, right, left.
+/// Weights of a gesture at its apex under an emotion of strength 1: pair, right, left.
 type Pattern = &'static [(usize, f32, f32)];
 
 const TRACKS: usize = 3;
 
-/// The gestures of each emotion, in the order of [`EMOTIONS`]: brows; lids, cheeks and nose; corners and chin.
+/// The gestures of each emotion, in the order of [`EMOTIONS`]: brows; lids, cheeks and nose;
+/// corners and chin.
 static PATTERNS: [[&[Pattern]; TRACKS]; EMOTIONS.len()] = [
     [&[], &[], &[]],
     // happy
@@ -274,17 +276,17 @@ static PATTERNS: [[&[Pattern]; TRACKS]; EMOTIONS.len()] = [
     ],
 ];
 
-/// One gesture of a track; times on the clock of [`Gestures`].
+/// One gesture of a track. Its times are on the clock of [`Gestures`].
 struct Gesture {
     start_s: f64,
     onset_s: f64,
     apex_s: f64,
     offset_s: f64,
     pause_s: f64,
-    /// Which pattern of an emotion it is, a share of their number.
+    /// Picks one of an emotion's patterns: its place in their list, 0 to 1.
     pick: f64,
     size: f64,
-    /// Share that it is larger on the left.
+    /// Share by which it is larger on the left and smaller on the right.
     side: f64,
 }
 
@@ -315,9 +317,9 @@ impl Gesture {
     }
 }
 
-/// The gestures of a take, frame after frame; the same seed, the same gestures.
+/// The gestures of a take, frame by frame. The same seed gives the same gestures.
 pub(super) struct Gestures {
-    /// Passes as fast as the emotion's pace.
+    /// Time that passes at the emotion's pace.
     clock_s: f64,
     tracks: [(Chance, Gesture); TRACKS],
 }
@@ -336,7 +338,8 @@ impl Gestures {
         }
     }
 
-    /// The weights of the frame that comes next, `step_s` after the one before, under emotions of these strengths.
+    /// The weights of the next frame under emotions of these strengths. The frame after it comes
+    /// `step_s` seconds later.
     pub(super) fn step(&mut self, strengths: &Strengths, step_s: f64) -> GestureWeights {
         let clock_s = self.clock_s;
         self.clock_s += step_s * mood::pace(strengths);
@@ -367,7 +370,8 @@ impl Gestures {
     }
 }
 
-/// What the shapes of gestures do to landmarks; what is above the mouth moves nothing of it.
+/// Displacements of the landmarks under the shapes of gestures. Shapes above the mouth leave the mouth
+/// still.
 pub(super) struct GestureModes(Vec<[Array2<f32>; 2]>);
 
 impl GestureModes {
@@ -401,8 +405,8 @@ impl GestureModes {
     }
 }
 
-/// Adds gestures of emotions of `strengths` `[T]` to `moved` `[T, 68, 3]`, canonical metres; lips that are closed stay
-/// closed.
+/// Adds gestures to `moved` `[T, 68, 3]`, canonical metres, under emotions of `strengths` `[T]`. Closed
+/// lips stay closed.
 ///
 /// # Errors
 /// `Weights` where `modes` lack a shape.
@@ -431,7 +435,7 @@ pub(super) fn gesture(
     Ok(())
 }
 
-/// The names of ARKit's shapes that a pair means, the subject's right and left.
+/// ARKit's names of the shapes of each pair, the subject's right and left.
 pub(super) fn arkit_names() -> impl Iterator<Item = [String; 2]> {
     PAIRS.iter().enumerate().map(|(pair, names)| match pair {
         INNER => ["browInnerUp", "browInnerUp"].map(str::to_owned),
@@ -452,7 +456,7 @@ mod tests {
     const FPS: f64 = 30.0;
     const FRAMES: usize = 900;
 
-    /// Half a minute of somebody who says nothing under an emotion, without blinks; `[T, 68, 3]`.
+    /// Half a minute of a face that does not speak, under an emotion and without blinks; `[T, 68, 3]`.
     fn performed(emotion: &str, variety: f32, seed: u64) -> Array3<f32> {
         let (expressions, modes) = (
             Expressions::open(None).unwrap(),
@@ -483,7 +487,7 @@ mod tests {
             .displacements
     }
 
-    /// What the emotion alone does to the brows, `[T, 30]`, millimetres about their mean over time.
+    /// Motion of the brows by the emotion alone, `[T, 30]`, millimetres about their mean over time.
     fn brows(emotion: &str, seed: u64) -> Vec<Vec<f64>> {
         let with = performed(&format!("{emotion}:1"), 1.0, seed);
         let without = performed("neutral", 1.0, seed);

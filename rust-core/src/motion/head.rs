@@ -1,14 +1,15 @@
-//! Rotation of the head of somebody who speaks.
+//! Rotation of the head during speech.
 //!
-//! Nods go with syllables, the stressed ones most (Hadar et al. 1983; Graf et al. 2002); the head rises
-//! before a phrase and sinks after it; posture changes from phrase to phrase, and over all lies a slow
-//! drift. Sizes are those of the tracked head of grid_s1 within clips of 3 s: standard deviations
-//! (medians) 0.65°, 0.38° and 0.20° of pitch, yaw and roll, mean speeds 5, 2.6 and 1.5 degrees a second
-//! while he speaks, half as much in pauses; pitch has a third of its power above 2 Hz, yaw an eighth.
+//! The head nods on syllables, most on stressed ones (Hadar et al. 1983; Graf et al. 2002). It
+//! rises before a phrase and sinks after it, and its posture changes from phrase to phrase. A slow
+//! drift is added to all of this. The sizes come from the tracked head of grid_s1 in clips of 3 s.
+//! Its pitch, yaw and roll have standard deviations (medians) of 0.65°, 0.38° and 0.20°. Their
+//! mean speeds are 5, 2.6 and 1.5 degrees a second while he speaks, and half of that in pauses.
+//! Pitch has a third of its power above 2 Hz, yaw an eighth.
 //!
-//! He reads calmly. A voice whose pitch moves more, or an emotion, makes the head livelier: then the strongly
-//! stressed syllables have nods of 4 to 8° in about half a second, and drift and posture grow. [`Mood`] says
-//! what an emotion does.
+//! This speaker reads calmly. A voice whose pitch moves more, or an emotion, makes the head
+//! livelier: it nods by 4 to 8° in about half a second on strongly stressed syllables, and drift
+//! and posture grow. [`Mood`] describes the effect of an emotion.
 
 use super::{
     brow_accents::prominences, chance::Chance, liveliness::liveliness, mood::Mood,
@@ -16,59 +17,67 @@ use super::{
 };
 use crate::audio::Prosody;
 
-/// Number of this process among the streams of a seed.
+/// The number of the random stream that this process draws from.
 const STREAM: u64 = u64::MAX - 2;
-/// Deviation of the drift about x, y and z, degrees, while somebody speaks.
+/// Standard deviation of the drift about x, y and z during speech, degrees.
 const DRIFT_DEG: [f64; 3] = [0.45, 0.48, 0.25];
 const DRIFT_HZ: (f64, f64) = (0.1, 0.8);
 /// Share of the drift that stays in pauses.
 const DRIFT_AT_REST: f64 = 0.5;
-/// How far the posture of one phrase may lie from rest, degrees.
+/// The most that the posture of a phrase may differ from rest about x, y and z, degrees.
 const POSTURE_DEG: [f64; 3] = [0.6, 1.1, 0.5];
 /// How long a change of posture takes, seconds.
 const POSTURE_S: f64 = 0.9;
 /// The head stands this much lower in pauses than in phrases, degrees.
 const SINK_DEG: f64 = 0.8;
-/// How far a nod goes on any syllable, and more of it for each deviation of prominence, degrees.
+/// Size of a nod on a syllable of average prominence, degrees.
 const NOD_DEG: f64 = 0.85;
+/// What each standard deviation of prominence adds to a nod, degrees.
 const STRESS_DEG: f64 = 0.72;
 const MOST_NOD_DEG: f64 = 2.4;
-/// The head rises before it nods: share, and time before the nod, seconds.
+/// The head rises before a nod by this share of it.
 const PREPARE: f64 = 0.5;
+/// How long before the nod the head rises, seconds.
 const PREPARE_S: f64 = 0.2;
-/// Deviation of the bell of a nod, seconds, and how late it is on average.
+/// Standard deviation of the bell curve of a nod, seconds.
 const NOD_S: f64 = 0.07;
+/// How long after the syllable a nod comes on average, seconds.
 const LATE_S: f64 = 0.03;
-/// Beyond this time nothing is left of a nod, seconds.
+/// A nod has no effect farther away than this, seconds.
 const NOD_REACH_S: f64 = 1.2;
-/// From this prominence on, in deviations, a lively head nods far; how far the bell of such a nod goes, more of it
-/// for each further deviation, and at most, degrees.
+/// The prominence, in standard deviations, from which a lively head makes a far nod.
 const STRONG: f64 = 0.9;
+/// Size of the bell curve of a far nod at that prominence, degrees.
 const FAR_DEG: f64 = 3.6;
+/// What each further standard deviation of prominence adds, degrees.
 const FARTHER_DEG: f64 = 0.6;
 const FARTHEST_DEG: f64 = 4.4;
-/// Deviation of its bell, seconds. The head rises before it by this share, so long before.
+/// Standard deviation of the bell curve of a far nod, seconds.
 const FAR_S: f64 = 0.1;
+/// The head rises before a far nod by this share of it.
 const FAR_PREPARE: f64 = 0.2;
+/// How long before the far nod the head rises, seconds.
 const FAR_PREPARE_S: f64 = 0.3;
-/// Far nods are no nearer to one another, seconds, and so many of the syllables that may have one have one.
+/// Shortest time between two far nods, seconds.
 const FAR_APART_S: f64 = 0.9;
+/// Share of the suitable syllables that get a far nod.
 const FAR_SHARE: f64 = 0.8;
 /// How much a liveliness of 1 adds to drift and posture.
 const LIVELY_DRIFT: f64 = 0.8;
-/// Nothing is livelier than that.
+/// The highest liveliness.
 const MOST_LIVELY: f64 = 1.2;
-/// Share of a nod that goes sideways, at most, about y and z.
+/// The largest shares of a nod that turn about y and z.
 const SIDEWAYS: [f64; 2] = [0.6, 0.4];
-/// Farther no rotation goes about x, y and z at strength 1, degrees: the reach of a clip in 20.
+/// The largest rotation about x, y and z at strength 1, degrees. One clip in 20 reaches this far.
 const MOST_DEG: [f64; 3] = [3.0, 2.6, 1.5];
-/// What a liveliness of 1 adds to that.
+/// How much a liveliness of 1 adds to the largest rotation, degrees.
 const LIVELY_MOST_DEG: [f64; 3] = [9.0, 5.0, 3.0];
-/// The head rises with the breath before a phrase by this much, degrees, and so long before it.
+/// How far the head rises with the breath before a phrase, degrees.
 const BREATH_DEG: f64 = 0.45;
+/// How long before the phrase it has risen that far, seconds.
 const BREATH_S: f64 = 0.15;
 const BREATH_WIDTH_S: f64 = 0.22;
-/// Shorter pauses bring no breath, seconds.
+/// Shortest pause with a breath at its end, seconds.
 const BREATH_PAUSE_S: f64 = 0.35;
 
 /// A nod on one syllable.
@@ -76,7 +85,7 @@ struct Nod {
     time_s: f64,
     /// About x, y and z, degrees.
     size: [f64; 3],
-    /// What is added at a liveliness of 1.
+    /// How much a liveliness of 1 adds to `size`.
     far: [f64; 3],
 }
 
@@ -86,12 +95,12 @@ pub(super) struct HeadMotion {
     drift: [SlowNoise; 3],
     nods: Vec<Nod>,
     phrases: Phrases,
-    /// About each axis, one for each phrase, degrees.
+    /// For each axis, one angle per phrase, degrees.
     postures: [Vec<f64>; 3],
 }
 
 impl HeadMotion {
-    /// Same seed and sound, same motion.
+    /// Draws the motion. The same seed and sound give the same motion.
     pub(super) fn draw(prosody: &Prosody, seed: u64) -> Self {
         let mut chance = Chance::new(seed, STREAM);
         let drift = std::array::from_fn(|_| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
@@ -108,8 +117,8 @@ impl HeadMotion {
         }
     }
 
-    /// Rotation vector at `time_s` in radians, canonical axes; `breath` scales the rise before a phrase.
-    /// `drift_s` is the time of the drift, which passes as fast as the moods' pace.
+    /// The rotation vector at `time_s` in radians, canonical axes. `breath` scales the rise before
+    /// a phrase. `drift_s` is the time of the drift, which runs at the pace of the moods.
     pub(super) fn at(&self, time_s: f64, drift_s: f64, breath: f64, mood: &Mood) -> [f64; 3] {
         let lively = (self.liveliness + mood.liveliness).clamp(0.0, MOST_LIVELY);
         let size = mood.size * (1.0 + LIVELY_DRIFT * lively);
@@ -121,7 +130,7 @@ impl HeadMotion {
         });
         turn[0] += mood.size * SINK_DEG * (0.5 - activity) - breath * self.breath(time_s);
         for nod in self.near(time_s) {
-            // A nod is never quicker than in calm speech: larger ones would jerk.
+            // A nod is never quicker than in calm speech. Larger nods would jerk otherwise.
             let since_s = mood.pace.min(1.0) * (time_s - nod.time_s);
             let share = mood.size * mood.pace.sqrt() * nod_shape(since_s);
             let far = lively * far_nod_shape(since_s);
@@ -160,12 +169,12 @@ impl HeadMotion {
     }
 }
 
-/// Up before the syllable, down on it.
+/// The course of a nod: up before the syllable, down on it.
 fn nod_shape(since_s: f64) -> f64 {
     bell(since_s / NOD_S) - PREPARE * bell((since_s + PREPARE_S) / (1.3 * NOD_S))
 }
 
-/// The same, slower, for far nods.
+/// The course of a far nod, which is slower.
 fn far_nod_shape(since_s: f64) -> f64 {
     bell(since_s / FAR_S) - FAR_PREPARE * bell((since_s + FAR_PREPARE_S) / (1.3 * FAR_S))
 }
@@ -177,7 +186,8 @@ fn bell(x: f64) -> f64 {
 fn nods(prosody: &Prosody, chance: &mut Chance) -> Vec<Nod> {
     let mut free_s = f64::NEG_INFINITY;
     let nod = |(frame, prominence): (usize, f32)| {
-        // Drawn for every syllable, so that one syllable more does not shift what others get.
+        // Draw all numbers for every syllable, so that a far nod more or less does not shift the
+        // numbers of the syllables after it.
         let (vary, late_s) = (chance.between(0.4, 1.6), chance.between(-0.03, 0.03));
         let sideways = SIDEWAYS.map(|most| chance.between(-most, most));
         let (pick, more_deg) = (chance.unit(), chance.between(-0.4, 0.4));
@@ -213,7 +223,7 @@ mod tests {
 
     const FPS: f64 = 25.0;
 
-    /// Degrees, `seconds` at 25 frames a second.
+    /// The rotations of `seconds` of speech at 25 frames a second, degrees.
     fn track(seed: u64, seconds: usize) -> Vec<[f64; 3]> {
         let motion = HeadMotion::draw(&speaking(seconds, 60), seed);
         let at = |t: usize| at(&motion, t as f64 / FPS, 1.0).map(f64::to_degrees);
@@ -224,7 +234,7 @@ mod tests {
         motion.at(time_s, time_s, breath, &Mood::NEUTRAL)
     }
 
-    /// A minute of `prosody`, degrees.
+    /// The rotations of a minute of `prosody`, degrees.
     fn in_mood(prosody: &Prosody, emotion: &str) -> Vec<[f64; 3]> {
         let curve = EmotionCurve::Constant(Emotion::parse(emotion).unwrap());
         let mood = moods(curve.sample(1, FPS).view(), FPS)[0];
@@ -238,7 +248,7 @@ mod tests {
         (0..60 * 25).map(at).collect()
     }
 
-    /// The same voice with all intervals of its pitch doubled and more.
+    /// The same voice with its pitch intervals more than doubled.
     fn lively() -> Prosody {
         let mut prosody = speaking(60, 60);
         prosody.pitch_hz.iter_mut().for_each(|hz| {
@@ -255,7 +265,7 @@ mod tests {
         (power / track.len() as f64).sqrt()
     }
 
-    /// Mean, degrees a second.
+    /// Mean speed, degrees a second.
     fn speed(track: &[[f64; 3]], axis: usize) -> f64 {
         let steps = track
             .windows(2)
@@ -333,7 +343,7 @@ mod tests {
             .map(|nod| nod.time_s)
             .collect();
         assert!(far.len() > 15, "{} far nods a minute", far.len());
-        // From the highest place in the 0.6 s before to the lowest within 0.1 s.
+        // From the highest pose in the 0.6 s before the nod to the lowest within 0.1 s of it.
         let size = |track: &[[f64; 3]], time_s: f64| {
             let t = (time_s * FPS) as usize;
             let pitch = |range: std::ops::Range<usize>| range.map(|t| track[t][0]);

@@ -1,28 +1,30 @@
-//! What a face does beside speech while nobody knows what comes: blinks, eyes that move, a head that drifts.
+//! Blinks, eye movements and head drift for live speech, where the sound ahead is unknown.
 //!
-//! The twins of [`super::blinks`], [`super::gaze`] and [`super::head`] see the whole sound and follow its pauses; these see
-//! nothing ahead. Sizes and rates are theirs. Same seed, same motion.
+//! [`super::blinks`], [`super::gaze`] and [`super::head`] see the whole sound and follow its
+//! pauses. The motion here looks at nothing ahead. Its sizes and rates are similar to theirs. The
+//! same seed gives the same motion.
 
 use super::{blinks::Blink, chance::Chance, phrases::smooth_step, slow_noise::SlowNoise};
 
-/// Number of this process among the streams of a seed.
+/// The number of the random stream that this process draws from.
 const STREAM: u64 = u64::MAX - 9;
-/// Mean time between two blinks, seconds; they lie between a quarter and seven quarters of it.
+/// Mean time between two blinks, seconds. Each lies between a quarter and seven quarters of it.
 const BLINK_S: f64 = 3.5;
 const HOLD_S: (f64, f64) = (0.03, 0.1);
 const APART_S: f64 = 0.02;
-/// How long eyes rest on a point, seconds, and how far points lie beside the middle, degrees.
+/// How long the eyes rest on a point, seconds.
 const REST_S: (f64, f64) = (0.4, 2.2);
+/// How far such a point may lie from the middle, sideways and in height, degrees.
 const BESIDE_DEG: [f64; 2] = [4.0, 2.0];
-/// A leap takes so long, seconds.
+/// How long the eyes take to leap to the next point, seconds.
 const LEAP_S: f64 = 0.03;
-/// Deviation of the head's drift about x, y and z, degrees, and its frequencies.
+/// Standard deviation of the head's drift about x, y and z, degrees.
 const DRIFT_DEG: [f64; 3] = [0.8, 0.9, 0.45];
 const DRIFT_HZ: (f64, f64) = (0.1, 0.8);
-/// Share of it that stays in pauses.
+/// Share of the drift that stays in pauses.
 const DRIFT_AT_REST: f64 = 0.5;
 
-/// One instant.
+/// The face at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Idle {
     /// How far the right and the left eye are closed, 0 to 1.
@@ -33,22 +35,23 @@ pub struct Idle {
     pub head: [f32; 3],
 }
 
-/// The process; its times rise.
+/// The process behind this motion. Each call has to be for a later time.
 pub struct IdleMotion {
     chance: Chance,
     drift: [SlowNoise; 3],
     blink: Blink,
     next_blink: Blink,
-    /// When the last leap began, from where to where.
+    /// When the last leap of the eyes began.
     leap_s: f64,
+    /// Where that leap started and where it ended.
     points_deg: [[f64; 2]; 2],
     next_leap_s: f64,
-    /// How much is being said, 0 to 1, of late.
+    /// How much the mouth has been open lately, 0 to 1.
     speaking: f64,
 }
 
 impl IdleMotion {
-    /// At the beginning of a performance.
+    /// Starts at the beginning of a performance.
     pub fn new(seed: u64) -> IdleMotion {
         let mut chance = Chance::new(seed, STREAM);
         let drift = [(); 3].map(|()| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
@@ -66,7 +69,8 @@ impl IdleMotion {
         }
     }
 
-    /// The face at a time later than all before; `opening`: of the mouth, 0 to 1.
+    /// The face at `time_s`, which must be later than in all calls before. `opening`: how far the
+    /// mouth is open, 0 to 1.
     pub fn at(&mut self, time_s: f64, opening: f64) -> Idle {
         while time_s >= self.next_blink.start_s {
             self.blink = self.next_blink;

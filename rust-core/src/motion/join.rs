@@ -1,23 +1,23 @@
-//! A motion that begins in the pose in which another ended.
+//! Starts a motion in the pose in which another one ended.
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use crate::{mesh::ibug::LANDMARKS, speech::TONGUE_PLACES};
 
-/// How long a motion takes from the pose in which it begins to its own frames.
+/// How long a motion takes to get from its start pose to its own frames, seconds.
 const LEAVES_WITHIN_S: f64 = 0.4;
 
-/// How a face stands at one moment.
+/// The pose of a face at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// `[68][3]` from the neutral face, canonical metres.
+    /// `[68][3]`, displacements from the neutral face, canonical metres.
     pub landmarks: [[f32; 3]; LANDMARKS],
-    /// What its tongue does, as [`Life::tongue`](super::Life::tongue) has it.
+    /// Where the tongue is, in the same form as [`Life::tongue`](super::Life::tongue).
     pub tongue: [f32; TONGUE_PLACES],
 }
 
 impl From<[[f32; 3]; LANDMARKS]> for Pose {
-    /// The tongue rests.
+    /// Makes a pose with the tongue at rest.
     fn from(landmarks: [[f32; 3]; LANDMARKS]) -> Pose {
         Pose {
             landmarks,
@@ -36,8 +36,8 @@ impl Pose {
     }
 }
 
-/// Mixes the tongue `[T, 4]` with that of a pose, as [`begin_in`] does for landmarks. The first frame is that of the
-/// pose.
+/// Fades the tongue `[T, 4]` from that of a pose into its own motion. The first frame is the pose.
+/// [`begin_in`] does the same for landmarks, but by an offset.
 pub(crate) fn begin_tongue_in(
     pose: &[f32; TONGUE_PLACES],
     mut tongue: ArrayViewMut2<'_, f32>,
@@ -51,14 +51,14 @@ pub(crate) fn begin_tongue_in(
     }
 }
 
-/// The share of a pose in frame `t` of a motion that begins in it: 1 in the first, 0 from [`LEAVES_WITHIN_S`] on.
+/// The share of the start pose in frame `t`: 1 in the first frame, 0 from [`LEAVES_WITHIN_S`] on.
 fn left_of_pose(t: usize, fps: f64) -> f32 {
     let way = (t as f64 / (LEAVES_WITHIN_S * fps)).min(1.0);
     (1.0 - way * way * (3.0 - 2.0 * way)) as f32
 }
 
-/// Shifts landmarks `[T, 68, 3]` so that their first frame is `pose`: by all that they are off it there, and by less
-/// and less within [`LEAVES_WITHIN_S`], in a way that starts and ends without a jolt.
+/// Shifts landmarks `[T, 68, 3]` so that their first frame is `pose`. The shift then fades out
+/// within [`LEAVES_WITHIN_S`], without a jolt at its start or end.
 pub(crate) fn begin_in(
     pose: &[[f32; 3]; LANDMARKS],
     mut displacements: ArrayViewMut3<'_, f32>,
@@ -117,7 +117,7 @@ mod tests {
         let far = |t: usize| off.index_axis(Axis(0), t).sum();
         assert!((0..10).all(|t| far(t + 1) < far(t)));
         assert_eq!(far(10), 0.0);
-        // Nothing to begin.
+        // A motion without frames.
         begin_in(&pose, Array3::zeros((0, LANDMARKS, 3)).view_mut(), 25.0);
     }
 }

@@ -1,7 +1,7 @@
-//! Head, eyes and tongue beside the face.
+//! Motion of head, eyes and tongue, next to that of the face.
 //!
-//! All are tracks of their own. Head and eyes turn bones, empties or eyeballs, never the skin. The lids follow
-//! the eyes, because lids are landmarks. The tongue moves the tongue of a mesh, where it has one.
+//! Each has its own track. Head and eyes turn bones, empties or eyeballs, never the skin. The lids
+//! are landmarks, so they follow the eyes. The tongue track moves a mesh's tongue, if it has one.
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
@@ -10,12 +10,12 @@ use crate::{Result, audio::Prosody, speech::TONGUE_PLACES};
 
 /// Radius of an eyeball, over which the upper lid slides, metres.
 const EYEBALL_M: f32 = 0.012;
-/// Share of the eye's way that the upper lid goes with it. In the tracked face of grid_s1 it goes 7.4 mm
-/// for a whole ARKit look down of about 30°, which is 1.2 of an eyeball's way; Becker & Fuchs 1988 found
-/// 0.8 to 1 for the lid itself.
+/// How far the upper lid moves with the eye, as a share of the eyeball's travel. In the tracked
+/// face of grid_s1 it moves 7.4 mm for a whole ARKit look down of about 30°, which is 1.2 times the
+/// travel of the eyeball. Becker & Fuchs 1988 found 0.8 to 1 for the lid itself.
 const LID_SHARE: f32 = 0.9;
 
-/// Rotation of head and eyes, and what the tongue does over time.
+/// Rotation of head and eyes, and position of the tongue, over time.
 ///
 /// ```
 /// let still = anyface::motion::Life::still(25);
@@ -23,30 +23,32 @@ const LID_SHARE: f32 = 0.9;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Life {
-    /// `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the jaw's
-    /// hinges: about +x nods down, about +y turns to the subject's left, about +z tilts to the subject's right.
+    /// `[T, 3]`: rotation vectors in radians about canonical axes. The origin lies between the
+    /// jaw's hinges. A rotation about +x nods down, one about +y turns to the subject's left, and
+    /// one about +z tilts to the subject's right.
     pub head: Array2<f32>,
-    /// `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up in radians against the
-    /// head.
+    /// `[T, 2, 2]`: right eye, then left eye. Each has yaw to the subject's left and pitch up, in
+    /// radians relative to the head.
     pub gaze: Array3<f32>,
-    /// `[T, 4]`: shares of the way from rest to contact: tip to the ridge behind the upper teeth, middle and back to
-    /// the palate, tip at the upper teeth; 1 is contact.
+    /// `[T, 4]`: how far the tongue is from rest (0) to contact (1) at four places: tip to the
+    /// ridge behind the upper teeth, middle to the palate, back to the palate, tip to the upper
+    /// teeth.
     pub tongue: Array2<f32>,
 }
 
-/// What one frame is asked for; 0 is stillness, 1 natural.
+/// Strengths of the motion in one frame: 0 is still, 1 natural.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LifeStrengths {
     /// Rotation of the head.
     pub head: f64,
     /// Rotation of the eyes.
     pub gaze: f64,
-    /// Rise of the head before phrases, a part of its rotation.
+    /// Rise of the head before phrases, which is a part of its rotation.
     pub breath: f64,
 }
 
 impl Life {
-    /// Nothing moves in `frames` frames.
+    /// `frames` frames in which nothing moves.
     pub fn still(frames: usize) -> Life {
         Life {
             head: Array2::zeros((frames, 3)),
@@ -55,10 +57,11 @@ impl Life {
         }
     }
 
-    /// Draws head and eyes for somebody who says this; `strengths` holds for each frame.
+    /// Draws the motion of head and eyes for some speech. `strengths` has one entry per frame.
     ///
-    /// `affect` `[T, 16]`, mixture and intensity, carries the head: its posture, how far and how fast it moves.
-    /// The eyes turn against the head as far as it really turns. Same seed, same tracks.
+    /// `affect` `[T, 16]` is a mixture of emotions and an intensity. It sets the posture of the
+    /// head, how far and how fast the head moves, and how often the eyes look away. The eyes
+    /// counter the head's rotation as scaled by its strength. The same seed gives the same tracks.
     pub fn of_speech(
         prosody: &Prosody,
         affect: ArrayView2<'_, f32>,
@@ -97,9 +100,9 @@ impl Life {
 }
 
 impl FaceModes {
-    /// Lets the lids go with eyes that look up or down; lids that are closed stay closed.
+    /// Moves the lids with eyes that look up or down. Closed lids stay closed.
     ///
-    /// `moved`: `[T, 68, 3]`, canonical metres; `gaze`: as [`Life::gaze`].
+    /// `moved`: `[T, 68, 3]`, canonical metres. `gaze`: as in [`Life::gaze`].
     ///
     /// # Errors
     /// `Weights` if the modes lack the blinks.

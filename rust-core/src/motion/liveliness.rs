@@ -1,16 +1,16 @@
-//! How lively somebody speaks: by how far the pitch moves.
+//! Liveliness of a voice, measured by how far its pitch moves.
 
 use crate::audio::Prosody;
 
-/// Range of the syllables' pitch, from the lowest tenth to the highest, from which a voice is livelier than a
-/// calm reading, and where it is lively, semitones.
+/// Bounds for the range of the syllables' pitch, from its 10th to its 90th percentile, semitones.
+/// Up to the first bound a voice counts as a calm reading, from the second on as fully lively.
 const RANGE: (f64, f64) = (8.0, 11.0);
-/// What lies farther from the median is an octave that the tracker missed, semitones.
+/// A pitch this far from the median is an octave error of the tracker, semitones.
 const FAR: f64 = 11.5;
-/// Fewer syllables say little, so that many more count as calm.
+/// A few syllables are weak evidence. The result is as if this many more syllables had been calm.
 const DOUBT: f64 = 4.0;
 
-/// 0 for a calm reading, 1 for lively speech; 0 where nobody speaks.
+/// The liveliness: 0 for a calm reading, 1 for lively speech, 0 where nobody speaks.
 pub(super) fn liveliness(prosody: &Prosody) -> f64 {
     let mut pitches: Vec<f64> = prosody
         .nuclei

@@ -1,7 +1,7 @@
-//! Motion over time, before any mesh is known: what a system gives.
+//! Motion over time as a system produces it, before any mesh is known.
 //!
-//! [`Motion`] has a case for each kind of motion that a system may think in. Landmarks have the tools
-//! of this folder: resampling, smoothing, and an artist's controls over a sampled clip.
+//! [`Motion`] has a case for each kind of motion that a system may produce. This folder has the
+//! tools for landmarks: resampling, smoothing, and an artist's controls over a sampled clip.
 
 mod apply_controls;
 mod articulation;
@@ -72,7 +72,7 @@ pub(crate) use weight_stream::Ears;
 pub use weight_stream::{WeightFrame, WeightStream};
 pub use weights::{LipGaps, LowerLip, WeightCues};
 
-/// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.
+/// The output of a system: motion of one of the kinds that [`crate::spread`] can put on a mesh.
 ///
 /// ```
 /// use anyface::motion::{LandmarkClip, Motion, MotionKind};
@@ -87,18 +87,18 @@ pub enum Motion {
     Landmarks(LandmarkClip),
     /// Weights of named shapes, such as ARKit's.
     Weights(WeightClip),
-    /// Codes of a parametric head or of what moves a template.
+    /// Codes of a parametric head, or of a model that moves a template.
     Codes(CodeClip),
 }
 
-/// What a motion moves.
+/// The kind of a motion: the things that it moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MotionKind {
-    /// The 68 landmarks, which a deformer spreads.
+    /// The 68 landmarks. A deformer spreads their motion over a mesh.
     Landmarks,
     /// Shapes of the mesh.
     Weights,
-    /// Vertices by a field, and the landmarks beside it.
+    /// The vertices, by a field of codes, and the landmarks as well.
     Codes,
 }
 
@@ -130,21 +130,22 @@ pub struct WeightClip {
     pub weights: Array2<f32>,
     /// Frames per second.
     pub fps: f64,
-    /// `[T]`, how far lips have to come together on whatever head shows the clip, 0 to 1; empty where nobody
-    /// knows.
+    /// `[T]`, how far the lips have to come together on any head that shows the clip, 0 to 1. Empty
+    /// if this is unknown.
     pub together: Vec<f32>,
 }
 
-/// Codes of a parametric head, or of what moves a template, and landmarks that have what codes cannot say: emotions,
-/// blinks, closed lips. A mesh moves by the codes, and by as much as the landmarks do otherwise; one that the head is
-/// unlike by the landmarks alone.
+/// Codes of a parametric head, or of a model that moves a template, and landmarks. The landmarks
+/// also hold what the codes cannot express: emotions, blinks, closed lips. The codes move a mesh,
+/// and the landmarks add what they do beyond the codes. If the mesh is too unlike the head, only
+/// the landmarks move it.
 #[derive(Debug, Clone)]
 pub struct CodeClip {
-    /// How they move the vertices of a face.
+    /// How the codes move the vertices of a face.
     pub space: Arc<dyn CodeSpace>,
     /// `[T, C]`, unitless.
     pub codes: Array2<f32>,
-    /// The landmarks of the mean head or template, as many frames.
+    /// The landmarks of the mean head or template, with the same number of frames.
     pub landmarks: LandmarkClip,
 }
 
@@ -156,7 +157,7 @@ impl PartialEq for CodeClip {
 }
 
 impl Motion {
-    /// What it moves.
+    /// The kind of this motion.
     pub fn kind(&self) -> MotionKind {
         match self {
             Motion::Landmarks(_) => MotionKind::Landmarks,
@@ -179,7 +180,7 @@ impl Motion {
         self.values().shape()[0]
     }
 
-    /// The landmarks, where the motion has them.
+    /// The landmarks, if the motion has them.
     pub fn landmarks(&self) -> Option<&LandmarkClip> {
         match self {
             Motion::Landmarks(clip) => Some(clip),
@@ -188,7 +189,7 @@ impl Motion {
         }
     }
 
-    /// The landmarks of the mean face, whatever moves: what it looks like before any mesh is known.
+    /// This motion on the landmarks of the mean face, which needs no mesh.
     ///
     /// # Errors
     /// Those of [`WeightClip::landmarks`].
@@ -200,7 +201,7 @@ impl Motion {
         }
     }
 
-    /// The landmarks, to be moved.
+    /// The landmarks, mutable, if the motion has them.
     pub(crate) fn landmarks_mut(&mut self) -> Option<&mut LandmarkClip> {
         match self {
             Motion::Landmarks(clip) => Some(clip),
@@ -209,7 +210,7 @@ impl Motion {
         }
     }
 
-    /// Whatever moves, the frames first; of codes their landmarks.
+    /// The values of the motion, the frames as the first axis. For codes these are the landmarks.
     pub fn values(&self) -> ArrayViewD<'_, f32> {
         match self {
             Motion::Landmarks(clip) => clip.displacements.view().into_dyn(),
@@ -218,7 +219,8 @@ impl Motion {
         }
     }
 
-    /// The same kind of motion with other values; these have any number of frames, with codes as many as before.
+    /// The same kind of motion with other values. They may have any number of frames, but for codes
+    /// the number has to stay the same.
     ///
     /// # Panics
     /// If a frame of `values` has another shape than one of this motion.

@@ -1,30 +1,30 @@
-//! How an emotion carries the head: posture, size and pace.
+//! How an emotion affects the head: its posture, and the size and pace of its motion.
 //!
-//! Sad and ashamed heads hang and move little and slowly; a happy head stands higher and moves more; an angry
-//! one comes forward (Wallbott 1998; Busso et al. 2007). Ashamed and sad eyes look down and away (Keltner 1995; Adams &
-//! Kleck 2005). How many degrees and how often is our own choice.
+//! Sad and ashamed heads hang, and they move little and slowly. A happy head stands higher and
+//! moves more. An angry one comes forward (Wallbott 1998; Busso et al. 2007). Ashamed and sad eyes
+//! look down and away (Keltner 1995; Adams & Kleck 2005). The angles and rates are our own choice.
 
 use ndarray::{Array2, ArrayView2};
 
 use super::smooth::smoothed;
 use crate::conditions::{EMOTIONS, Strengths};
 
-/// Deviation of the change from one emotion to the next, seconds.
+/// Standard deviation of the Gaussian that smooths changes of emotion, seconds.
 const SETTLING_S: f64 = 0.4;
 const QUANTITIES: usize = 5;
 
-/// How the head is carried at an instant.
+/// Posture and liveliness of the head at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Mood {
-    /// Scales drift, posture and the nods of all syllables.
+    /// Factor on drift, posture and ordinary nods.
     pub(super) size: f64,
-    /// Speed of drift and nods, 1 as in calm reading.
+    /// Speed of drift and nods. 1 is calm reading.
     pub(super) pace: f64,
-    /// What is added to the liveliness of the voice; below 0 taken from it.
+    /// Added to the liveliness of the voice; may be below 0.
     pub(super) liveliness: f64,
     /// How far the face is turned down, degrees.
     pub(super) down_deg: f64,
-    /// How often the eyes look away from the partner, down and to the side: the share of rests.
+    /// The share of the eyes' fixations that look away from the partner, down and to the side.
     pub(super) aversion: f64,
 }
 
@@ -52,7 +52,7 @@ const fn mood(size: f64, pace: f64, liveliness: f64, down_deg: f64, aversion: f6
     }
 }
 
-/// In the order of [`EMOTIONS`], at intensity 1.
+/// The moods at intensity 1, in the order of [`EMOTIONS`].
 const MOODS: [Mood; EMOTIONS.len()] = [
     Mood::NEUTRAL,
     mood(1.5, 1.2, 0.7, -1.5, 0.0),
@@ -71,7 +71,7 @@ const MOODS: [Mood; EMOTIONS.len()] = [
     mood(1.4, 0.55, 0.2, 1.0, 0.25),
 ];
 
-/// How fast time passes for somebody who feels so; 1 as in calm reading.
+/// The pace of somebody with these emotions. 1 is calm reading.
 pub(super) fn pace(strengths: &Strengths) -> f64 {
     let changes = MOODS.iter().zip(strengths).skip(1);
     let change: f64 = changes
@@ -80,7 +80,7 @@ pub(super) fn pace(strengths: &Strengths) -> f64 {
     (Mood::NEUTRAL.pace + change).max(0.4)
 }
 
-/// The mood of each frame of `affect` `[T, 16]`, mixture and intensity.
+/// The mood of each frame of `affect` `[T, 16]`, a mixture of emotions and an intensity.
 pub(super) fn moods(affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Mood> {
     let neutral = Mood::NEUTRAL.as_array();
     let mut values = Array2::<f32>::zeros((affect.nrows(), QUANTITIES));

@@ -1,18 +1,18 @@
-//! Phrases of a sound: what is said between two pauses.
+//! Phrases of a sound: the speech between two pauses.
 
 use crate::audio::{PROSODY_FPS, Prosody};
 
-/// How long it takes to come alive before a phrase, and to settle after it, seconds.
+/// How long activity takes to rise before a phrase, and to fall after it, seconds.
 const RAMP_S: f64 = 0.45;
 
 /// A stretch of speech between pauses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Phrase {
-    /// Where the voice begins, seconds.
+    /// When the voice begins, seconds.
     pub(super) start_s: f64,
-    /// Where it ends, seconds.
+    /// When the voice ends, seconds.
     pub(super) end_s: f64,
-    /// How long nobody spoke before, seconds.
+    /// Length of the silence before the phrase, seconds.
     pub(super) pause_s: f64,
 }
 
@@ -21,7 +21,7 @@ pub(super) struct Phrase {
 pub(super) struct Phrases(pub(super) Vec<Phrase>);
 
 impl Phrases {
-    /// Stretches that hold a syllable; none in a sound without a voice.
+    /// The stretches between pauses that contain a syllable. A sound without a voice has none.
     pub(super) fn of(prosody: &Prosody) -> Self {
         let last = prosody.level_db.len();
         let ends = prosody.pauses.iter().map(|pause| (pause.start, pause.end));
@@ -43,8 +43,9 @@ impl Phrases {
         Phrases(phrases)
     }
 
-    /// Goes over from the value of one phrase to that of the next while that begins, in `change_s` seconds;
-    /// `before` is the value before the first. `values`: one for each phrase.
+    /// Fades from the value of one phrase to that of the next within `change_s` seconds, centred on
+    /// the start of the next phrase. `before` is the value before the first phrase. `values` has
+    /// one value per phrase.
     pub(super) fn between(&self, values: &[f64], before: f64, change_s: f64, time_s: f64) -> f64 {
         let ends = |phrase: &Phrase| phrase.start_s + 0.5 * change_s <= time_s;
         let done = self.0.partition_point(ends);
@@ -73,7 +74,7 @@ impl Phrases {
     }
 }
 
-/// 0 below 0, 1 above 1, without a corner in between.
+/// 0 below 0, 1 above 1, and a smooth rise in between.
 pub(super) fn smooth_step(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -84,8 +85,8 @@ pub(super) mod tests {
     use super::*;
     use crate::audio::Waveform;
 
-    /// A voice of four syllables a second that pauses for `pause` frames at the end of every three
-    /// seconds; every fourth syllable is stressed.
+    /// A voice of four syllables a second, every fourth of them stressed. It pauses for `pause`
+    /// frames at the end of every three seconds.
     pub(in crate::motion) fn speaking(seconds: usize, pause: usize) -> Prosody {
         let frames = 100 * seconds;
         let is_pause = |t: usize| t % 300 >= 300 - pause;

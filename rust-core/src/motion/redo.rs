@@ -1,4 +1,4 @@
-//! A stretch of motion made again: the rest stays to the bit.
+//! Remakes a stretch of a motion. The rest stays bit for bit.
 
 use std::ops::Range;
 
@@ -7,15 +7,15 @@ use ndarray::{Array, ArrayD, ArrayView, ArrayViewD, Axis, Dimension, Slice, avie
 use super::{Life, Motion, WeightClip};
 use crate::{Error, Result};
 
-/// Longest time in which the old motion becomes the new one at either end, seconds: a phone.
+/// Longest time of a blend between old and new motion at either end, seconds. It is about a phone.
 const BLEND_S: f64 = 0.1;
-/// Largest part of a stretch that one blend takes.
+/// Largest part of a stretch that one blend may take.
 const BLEND_PART: f64 = 0.25;
 
-/// Seconds of a motion that are made again.
+/// The stretch of a motion that is made again, in seconds.
 ///
-/// At both ends the old motion becomes the new one within a tenth of a second, or within a quarter of the stretch where
-/// that is less. An end at the start or end of the sound is not blended.
+/// At both ends the old and the new motion are blended within a tenth of a second, or within a
+/// quarter of the stretch if that is less. An end at the start or end of the sound is not blended.
 ///
 /// ```
 /// use anyface::motion::{LandmarkClip, Motion, Stretch};
@@ -35,7 +35,7 @@ pub struct Stretch {
 }
 
 impl Stretch {
-    /// From `start_s` to `end_s`; a frame at either stays as it was.
+    /// From `start_s` to `end_s`. A frame exactly at either time stays as it was, except at 0 s.
     ///
     /// # Errors
     /// `InvalidInput` for a time that is not finite or below 0, or an end that is not after the start.
@@ -52,7 +52,7 @@ impl Stretch {
         }
     }
 
-    /// Everything from `start_s` on. The motion before blends into it within `blend_s`.
+    /// Everything from `start_s` on, where the old motion blends into the new one for `blend_s`.
     pub(crate) fn after(start_s: f64, blend_s: f64) -> Stretch {
         Stretch {
             start_s,
@@ -76,10 +76,10 @@ impl Stretch {
         Stretch::new(start_s, end_s)
     }
 
-    /// The frames of a clip of `frames` that may change.
+    /// The frames that may change in a clip of `frames` frames.
     ///
     /// # Errors
-    /// `InvalidInput` where there is none: the stretch lies beyond the end, or between two frames.
+    /// `InvalidInput` if there are none: the stretch lies beyond the end, or between two frames.
     pub fn frames(&self, frames: usize, fps: f64) -> Result<Range<usize>> {
         let changes = |t: &usize| self.share(*t, frames, fps) > 0.0;
         match ((0..frames).find(changes), (0..frames).rfind(changes)) {
@@ -94,7 +94,7 @@ impl Stretch {
         }
     }
 
-    /// How far frame `t` goes to the new motion, 0 to 1.
+    /// The share of the new motion in frame `t`, 0 to 1.
     fn share(&self, t: usize, frames: usize, fps: f64) -> f32 {
         let time_s = t as f64 / fps;
         let blend_s = self.blend_s.min(BLEND_PART * (self.end_s - self.start_s));
@@ -109,11 +109,11 @@ impl Stretch {
         x * x * (3.0 - 2.0 * x)
     }
 
-    /// `was` with the frames of the stretch mixed with those of `new`; both have the frames first and
-    /// the same shape.
+    /// Takes the frames of the stretch from `new` and all others from `was`, blended at the ends.
+    /// Both have the same shape, with the frames as the first axis.
     ///
     /// # Errors
-    /// `ShapeMismatch` where they have not, and those of [`Stretch::frames`].
+    /// `ShapeMismatch` if the shapes differ, and those of [`Stretch::frames`].
     pub fn splice<D: Dimension>(
         &self,
         was: ArrayView<'_, f32, D>,
@@ -144,8 +144,8 @@ impl Stretch {
 }
 
 impl Motion {
-    /// This motion with the frames of `stretch` from `again`, blended at the ends. Every frame outside stays the same
-    /// to the bit.
+    /// This motion with the frames of `stretch` taken from `again`, blended at the ends. Every
+    /// frame outside the stretch stays the same bit for bit.
     ///
     /// # Errors
     /// `InvalidInput` for motion of another kind or frame rate, or a stretch without a frame;
@@ -197,7 +197,7 @@ impl Motion {
 }
 
 impl Life {
-    /// Head, eyes and tongue with `stretch` of them as in `again`; see [`Motion::redone`].
+    /// Head, eyes and tongue with `stretch` taken from `again`; see [`Motion::redone`].
     ///
     /// # Errors
     /// Those of [`Stretch::splice`].
@@ -223,7 +223,7 @@ impl Life {
         }
     }
 
-    /// Adds the frames that follow.
+    /// Appends the frames of `next`.
     pub(crate) fn append(&mut self, next: &Life) {
         const FITS: &str = "a frame has the shape of every frame";
         self.head.append(Axis(0), next.head.view()).expect(FITS);
@@ -233,7 +233,7 @@ impl Life {
 }
 
 impl WeightClip {
-    /// Adds the frames that follow, of the same shapes.
+    /// Appends the frames of `next`, whose shapes have to be the same.
     pub(crate) fn append(&mut self, next: &WeightClip) {
         let rows = self.weights.append(Axis(0), next.weights.view());
         rows.expect("both clips have the shapes of one model");
@@ -348,7 +348,7 @@ mod tests {
         };
         let part = together(&of(0.5, 1.0).frames_of(18..22));
         assert_eq!(part, [0.0, 0.0, 1.0, 0.0]);
-        // A stretch that is made again brings its closures, but none outside of it.
+        // A remade stretch brings its own closures, but none from outside of it.
         let stretch = Stretch::parse("0.4-1.2").unwrap();
         let spliced = of(0.5, 1.0).redone(&of(0.2, 0.0), &stretch).unwrap();
         assert!(together(&spliced).iter().all(|share| *share == 0.0));

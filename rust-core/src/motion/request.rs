@@ -1,4 +1,4 @@
-//! All that a performance is asked to be.
+//! The request for a performance.
 
 use std::{ops::RangeInclusive, sync::Arc};
 
@@ -10,13 +10,13 @@ use crate::{
 
 use super::Pose;
 
-/// The control that says how far lips open and close.
+/// The control for how far the lips open and close.
 const ARTICULATION: &str = "articulation";
 
-/// Frames per second that a result may have.
+/// The frame rates that a result may have, in frames per second.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
 
-/// What a performance is asked to be.
+/// The request for a performance.
 ///
 /// ```
 /// use anyface::{MotionRequest, conditions::EmotionCurve};
@@ -32,25 +32,27 @@ pub struct MotionRequest {
     pub emotion: EmotionCurve,
     /// Frames per second of the result, within [`FPS`].
     pub fps: f64,
-    /// Same seed, same motion.
+    /// The same seed gives the same motion.
     pub seed: u64,
     /// Speaking style by name; `None` takes the model's default.
     pub style: Option<String>,
-    /// What the system's own controls are set to.
+    /// The values of the system's own controls.
     pub controls: Controls,
-    /// Where lips are together, `[start_s, end_s]` in rising order, instead of where they are heard to
-    /// be; see [`crate::annotation::Annotation::closures`].
+    /// The times at which the lips are together, `[start_s, end_s]` in rising order. They replace
+    /// the times found in the sound; see [`crate::annotation::Annotation::closures`].
     pub closures: Option<Vec<[f64; 2]>>,
-    /// What the face is to do and when, in any order; they may overlap. Systems that show none refuse them.
+    /// Events that the face has to show, in any order. They may overlap. A system that shows no
+    /// events refuses them.
     pub events: Vec<Event>,
-    /// Another recording of which the emotion is taken, however long, where a system hears emotion
+    /// Another recording, of any length, that supplies the emotion if the system hears emotion
     /// (`emotion_from` of EmoFace).
     pub emotion_of: Option<Arc<VoiceTrack>>,
-    /// A recording in which the same person speaks neutrally, the longer the better, made by [`VoiceTrack::neutral`]: the
-    /// emotion of the voice is heard as what differs from it. It says nothing where no emotion is heard.
+    /// A recording in which the same person speaks neutrally, made by [`VoiceTrack::neutral`]. The
+    /// longer it is the better. The emotion of the voice is then heard as the difference from it.
+    /// It has no effect if no emotion is heard.
     pub neutral_voice: Option<Arc<VoiceTrack>>,
-    /// How the face stands in the first frame, such as in the last frame of another motion; `None` is rest. For systems
-    /// that make one frame from those before.
+    /// The pose of the face in the first frame, such as the last pose of another motion. `None` is
+    /// rest. For systems that make each frame from the frames before it.
     pub starts_from: Option<Pose>,
 }
 
@@ -72,7 +74,7 @@ impl Default for MotionRequest {
 }
 
 impl MotionRequest {
-    /// What the lips are asked for, the mean over all keys where that changes; 1 is normal.
+    /// The requested articulation of the lips, 1 is normal. If animated, the mean of its keys.
     pub fn articulation(&self) -> f32 {
         let Some(curve) = self.controls.animated(ARTICULATION) else {
             return self.controls.get(ARTICULATION).unwrap_or(1.0);
@@ -81,7 +83,8 @@ impl MotionRequest {
         (sum / curve.keys.len() as f64) as f32
     }
 
-    /// The same for the sound from `start_s` on: whatever has a time is so much earlier, and what lies before is gone.
+    /// The same request for the sound from `start_s` on. All times move earlier by `start_s`.
+    /// Closures and events that end before the new start are dropped.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> MotionRequest {
         let earlier = |[start, end]: [f64; 2]| {
@@ -106,10 +109,10 @@ impl MotionRequest {
     }
 }
 
-/// The number of the style `name` among the `styles` of a model. `None`: the number of `default`.
+/// The number of the style `name` among the `styles` of a model. `None` stands for `default`.
 ///
 /// # Errors
-/// `InvalidInput` for a name that it does not know.
+/// `InvalidInput` for a name that is not among them.
 pub fn style_number(name: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
     let name = name.unwrap_or(default);
     let number = styles.iter().position(|known| known == name);
@@ -119,7 +122,7 @@ pub fn style_number(name: Option<&str>, styles: &[String], default: &str) -> Res
     })
 }
 
-/// Checks that the closures are intervals of a sound.
+/// Checks that the closures are valid intervals.
 ///
 /// # Errors
 /// `InvalidInput` for a time that is not finite or below 0, or an end before its start.
@@ -135,7 +138,7 @@ pub fn check_closures(closures: &[[f64; 2]]) -> Result<()> {
     Ok(())
 }
 
-/// Whether a result can have this frame rate.
+/// Checks that a result can have this frame rate.
 ///
 /// # Errors
 /// `InvalidInput` for a rate outside [`FPS`].

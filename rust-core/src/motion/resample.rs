@@ -1,14 +1,15 @@
-//! Motion at another frame rate.
+//! Resamples motion to another frame rate.
 
 use ndarray::{Array, ArrayView, Axis, Dimension, RemoveAxis, Zip};
 
 use super::{LandmarkClip, WeightClip};
 
 impl LandmarkClip {
-    /// The same motion as `frames` frames at `fps`; frame `t` stands at `t / fps` seconds.
+    /// The same motion as `frames` frames at `fps`. Frame `t` is at `t / fps` seconds.
     ///
-    /// Catmull-Rom between the four nearest frames, so that velocity has no steps; held beyond the
-    /// last frame. Between frames it may overshoot by an eighth of a step, which keeps peaks.
+    /// Interpolates between the four nearest frames (Catmull-Rom), so that the velocity has no
+    /// steps. The last frame is held beyond the end. Between frames the curve may overshoot by an
+    /// eighth of a step, which preserves peaks.
     pub fn at_rate(&self, fps: f64, frames: usize) -> LandmarkClip {
         let displacements = at_rate(self.displacements.view(), self.fps / fps, frames);
         LandmarkClip { displacements, fps }
@@ -16,7 +17,8 @@ impl LandmarkClip {
 }
 
 impl WeightClip {
-    /// As [`LandmarkClip::at_rate`], with no weight below 0; when lips meet is to be asked anew.
+    /// As [`LandmarkClip::at_rate`], with no weight below 0. `together` is left empty and has to be
+    /// computed again.
     pub fn at_rate(&self, fps: f64, frames: usize) -> WeightClip {
         let mut weights = at_rate(self.weights.view(), self.fps / fps, frames);
         weights.mapv_inplace(|weight| weight.max(0.0));
@@ -30,7 +32,7 @@ impl WeightClip {
     }
 }
 
-/// `frames` frames that lie `step` frames of `values` apart.
+/// Samples `frames` frames that are `step` frames of `values` apart.
 pub(crate) fn at_rate<D: Dimension + RemoveAxis>(
     values: ArrayView<'_, f32, D>,
     step: f64,
@@ -57,7 +59,7 @@ pub(crate) fn at_rate<D: Dimension + RemoveAxis>(
     out
 }
 
-/// Weights of the frames at −1, 0, 1 and 2 for a point `u` of the way from 0 to 1.
+/// Weights of the frames at −1, 0, 1 and 2 for a point at `u`, between frames 0 and 1.
 fn catmull_rom(u: f32) -> [f32; 4] {
     let (u2, u3) = (u * u, u * u * u);
     [

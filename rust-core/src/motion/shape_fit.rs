@@ -1,13 +1,14 @@
-//! Weights of shapes that follow landmarks, a frame at a time.
+//! Fits weights of shapes to landmarks, one frame at a time.
 //!
-//! Least squares with bounds and a memory of the frame before:
+//! Minimises squared errors with bounds and a memory of the previous frame:
 //!
 //! `|D w − x|² + Σ_s g_s (ρ w_s² + μ (w_s − w′_s)²) + σ Σ_pairs g (w_l − w_r)²` with `0 ≤ w ≤ 1`
 //!
-//! `D` the shapes at the landmarks, `x` a frame, `w′` the weights of the frame before, `g_s = |d_s|²`. The gaps between
-//! the lips count beside the landmarks, because people notice first when a mouth that should be shut is open. Cyclic
-//! coordinate descent starts from the weights of the frame before. [`crate::rig::solve`] does the same with all frames
-//! at once.
+//! `D` are the shapes at the landmarks, `x` is a frame, `w′` are the weights of the previous frame,
+//! and `g_s = |d_s|²`. The gaps between the lips count as well as the landmarks, because people
+//! notice an open mouth that should be shut before anything else. Cyclic coordinate descent starts
+//! from the weights of the previous frame. [`crate::rig::solve`] does the same for all frames at
+//! once.
 
 use ndarray::{Array2, Array3, ArrayView1};
 
@@ -17,13 +18,13 @@ use crate::mesh::ibug::{INNER_LIPS, LANDMARKS};
 const RIDGE: f64 = 1e-3;
 const SMOOTHNESS: f64 = 0.02;
 const SYMMETRY: f64 = 5e-3;
-/// What a gap between the lips counts, in landmarks.
+/// Factor on the gaps between the lips. A landmark coordinate has factor 1.
 const GAP: f32 = 3.0;
-/// Change of a weight below which the descent has arrived, and the most sweeps.
+/// The descent stops once no weight changes by more than this in a sweep.
 const ARRIVED: f64 = 1e-5;
 const MOST_SWEEPS: usize = 200;
 const MM: f32 = 1e3;
-/// Coordinates of the landmarks, and a gap for each pair of inner lips.
+/// The coordinates of the landmarks, and one gap for each inner pair of lip landmarks.
 const ROWS: usize = 3 * LANDMARKS + INNER_LIPS.len();
 
 /// Shapes at the landmarks, and the weights of the last frame.
@@ -32,7 +33,7 @@ pub(super) struct ShapeFit {
     shapes: Array2<f32>,
     /// `[S, S]`.
     gram: Array2<f64>,
-    /// For each shape the one on the other side.
+    /// For each shape, its counterpart on the other side.
     mirror: Vec<Option<usize>>,
     /// `[S]`.
     last: Vec<f64>,
@@ -56,7 +57,7 @@ impl ShapeFit {
         }
     }
 
-    /// The weights `[S]` of the next frame; `frame`: `[204]`, canonical metres.
+    /// The weights `[S]` of the next frame. `frame`: `[204]`, canonical metres.
     pub(super) fn next(&mut self, frame: &[f32]) -> &[f64] {
         let measured = measurements(frame);
         let right: Vec<f64> = (self.shapes.outer_iter())
@@ -96,7 +97,8 @@ fn dot(a: ArrayView1<'_, f32>, b: ArrayView1<'_, f32>) -> f32 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// What the fit compares of a frame `[204]`: its coordinates and the weighted gaps between its lips, millimetres.
+/// The numbers of a frame `[204]` that the fit compares: its coordinates and the weighted gaps
+/// between its lips, millimetres.
 fn measurements(frame: &[f32]) -> ndarray::Array1<f32> {
     let gap = |&(upper, lower): &(usize, usize)| frame[3 * upper + 1] - frame[3 * lower + 1];
     let gaps = INNER_LIPS.iter().map(|pair| GAP * gap(pair));
@@ -107,7 +109,7 @@ fn measurements(frame: &[f32]) -> ndarray::Array1<f32> {
 mod tests {
     use super::*;
 
-    /// Two shapes that move one landmark each, mirrored.
+    /// Two mirrored shapes that move one landmark each.
     fn fit() -> ShapeFit {
         let mut shapes = Array3::zeros((2, LANDMARKS, 3));
         shapes[[0, 48, 0]] = 0.01;

@@ -1,4 +1,4 @@
-//! The mouth comes to rest where nobody speaks.
+//! Brings the mouth to rest where nobody speaks.
 
 use super::{LandmarkClip, phrases::smooth_step};
 use crate::{
@@ -6,15 +6,16 @@ use crate::{
     mesh::ibug::speaking,
 };
 
-/// So long before and after speech the mouth moves as the network says; in so long it comes to rest, seconds.
+/// For this long before and after speech the mouth moves as the network says, seconds.
 const NEAR_S: f64 = 0.2;
+/// How long it then takes to come to rest, seconds.
 const SETTLE_S: f64 = 0.5;
-/// A sound without a pause whose loud frames lie below this says nothing, dB.
+/// A sound without pauses is silent if its loud frames lie below this level, dB.
 const SILENT_DB: f32 = -80.0;
 
 impl LandmarkClip {
-    /// Brings jaw and lips to rest in pauses, `strength` `[T]` of the emotion that stays on them: at 1 nothing
-    /// changes. Pauses within half a second of speech on both sides hardly change.
+    /// Brings jaw and lips to rest in pauses. `strength` `[T]` is that of the emotion, which stays
+    /// on them: at 1 nothing changes. Pauses of up to half a second between speech hardly change.
     pub(crate) fn rest_in_silence(&mut self, prosody: &Prosody, strength: &[f32]) {
         let mut frames = self.displacements.outer_iter_mut();
         for (t, strength) in strength.iter().enumerate() {
@@ -30,7 +31,8 @@ impl LandmarkClip {
     }
 }
 
-/// How far the nearest sound of speech is, seconds; 0 within speech, voiced or whispered, endless in a silent sound.
+/// Time from the nearest speech, seconds: 0 within speech, voiced or whispered, and infinite in a
+/// silent sound.
 fn away_s(prosody: &Prosody, time_s: f64) -> f64 {
     if prosody.pauses.is_empty() && prosody.loud_db < SILENT_DB {
         return f64::INFINITY;
@@ -98,7 +100,7 @@ mod tests {
         let spoken = ndarray::s![..60, .., ..];
         assert_eq!(clip.displacements.slice(spoken), open.slice(spoken));
 
-        // The same without any sound rests.
+        // A mouth without any sound rests.
         prosody.pauses.clear();
         clip.rest_in_silence(&prosody, &[0.0; 90]);
         assert_eq!(clip.displacements[[10, 66, 1]], 0.0);

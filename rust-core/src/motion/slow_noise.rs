@@ -1,4 +1,4 @@
-//! Slow, smooth chance: what wanders in a living face.
+//! Slow, smooth noise for whatever drifts in a living face.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,8 @@ use super::chance::Chance;
 
 const WAVES: usize = 6;
 
-/// A sum of sines of seeded frequencies and phases: mean 0, deviation 1 over a long time.
+/// A sum of sines with seeded frequencies and phases. Over a long time its mean is 0 and its
+/// standard deviation about 1.
 #[derive(Debug, Clone)]
 pub(super) struct SlowNoise {
     /// Frequency in Hz and phase in turns.
@@ -24,7 +25,7 @@ impl SlowNoise {
         SlowNoise { waves }
     }
 
-    /// The value at `time_s`, nearly always within 2 and never beyond 2.
+    /// The value at `time_s`, between −2 and 2.
     pub(super) fn at(&self, time_s: f64) -> f64 {
         let wave = |(hz, phase): &(f64, f64)| (TAU * (hz * time_s + phase)).sin();
         let sum: f64 = self.waves.iter().map(wave).sum();

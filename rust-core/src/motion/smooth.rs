@@ -1,16 +1,17 @@
-//! Calmer motion.
+//! Smooths motion over time.
 
 use ndarray::{Array, Axis, Dimension, RemoveAxis};
 
 use super::{LandmarkClip, WeightClip};
 
-/// The Gaussian is cut where it has fallen to e^(−9/2).
+/// The Gaussian is cut off where it has fallen to e^(−9/2).
 const REACH_IN_DEVIATIONS: f64 = 3.0;
 
 impl LandmarkClip {
-    /// Gaussian smoothing over time with a deviation of `deviation_s` seconds; ends are held.
+    /// Gaussian smoothing over time with a standard deviation of `deviation_s` seconds. The first
+    /// and last frame are held beyond the ends.
     ///
-    /// 0 changes nothing. 20 ms takes the edge off jitter; beyond 50 ms lips no longer close.
+    /// 0 changes nothing. 20 ms softens jitter. Beyond 50 ms the lips no longer close.
     pub fn smoothed(&self, deviation_s: f64) -> LandmarkClip {
         LandmarkClip {
             displacements: smoothed(&self.displacements, deviation_s * self.fps),
@@ -31,7 +32,7 @@ impl WeightClip {
     }
 }
 
-/// `deviation` in frames.
+/// Gaussian smoothing along the first axis. `deviation` is the standard deviation in frames.
 pub(super) fn smoothed<D: Dimension + RemoveAxis>(
     values: &Array<f32, D>,
     deviation: f64,

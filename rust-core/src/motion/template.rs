@@ -1,4 +1,4 @@
-//! A face whose vertices a system moves, and what it tells of each of them.
+//! A face whose vertices a system moves, and masks over its vertices.
 
 use std::{ops::Range, sync::Arc};
 
@@ -11,21 +11,21 @@ use crate::mesh::{Mesh, ibug::LANDMARKS};
 pub struct Template {
     /// Canonical metres.
     pub mesh: Mesh,
-    /// Vertex of each landmark.
+    /// The vertex of each landmark.
     pub landmarks: [usize; LANDMARKS],
 }
 
 impl Template {
-    /// Where the landmarks are, canonical metres.
+    /// The positions of the landmarks, canonical metres.
     pub fn landmark_positions(&self) -> [[f32; 3]; LANDMARKS] {
         self.landmarks.map(|v| self.mesh.positions[v])
     }
 }
 
-/// A share for each vertex of a template over time.
+/// A share over time for each vertex of a template.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TemplateMask {
-    /// Whose vertices.
+    /// The template that the vertices belong to.
     pub template: Arc<Template>,
     /// `[T, V]`, 0 to 1.
     pub shares: Array2<f32>,
@@ -34,7 +34,8 @@ pub struct TemplateMask {
 }
 
 impl TemplateMask {
-    /// `[V, t]`: the shares at some frames of motion at `fps`, those of the nearest frames.
+    /// The shares `[V, t]` at some frames of a motion at `fps`. Each comes from the nearest frame
+    /// of the mask.
     pub fn at(&self, frames: Range<usize>, fps: f64) -> Array2<f32> {
         let last = self.shares.nrows().saturating_sub(1);
         let nearest = |t: usize| ((t as f64 * self.fps / fps).round() as usize).min(last);

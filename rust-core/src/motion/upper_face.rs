@@ -1,4 +1,4 @@
-//! Brows, lids and the bridge of the nose, and one side more than the other.
+//! Motion of the brows, lids and bridge of the nose, and asymmetry between the sides of the face.
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
@@ -6,20 +6,23 @@ use super::FaceModes;
 use crate::Result;
 use crate::mesh::ibug::{EYES, Eye, SIDES, upper_face};
 
-/// What the extremes of `asymmetry` add to one side and take from the other.
+/// The share of motion that an extreme `asymmetry` adds to one side and takes from the other.
 const MOST_LOPSIDED: f32 = 0.5;
-/// How far the lower lid goes with the upper one when the eyes look down: so in the tracked face of grid_s1.
+/// The share of the upper lid's motion that the lower lid makes when the eyes look down, as in the
+/// tracked face of grid_s1.
 const LOWER_LID_SHARE: f32 = 0.12;
 
-/// How far a brow goes on a human head, metres: up to the first freely, never beyond the second. Up, down, and towards the
-/// other brow.
+/// How far a brow moves up on a human head, metres: freely as far as the first value, never beyond
+/// the second.
 const BROW_UP_M: (f32, f32) = (0.009, 0.014);
+/// The same for down.
 const BROW_DOWN_M: (f32, f32) = (0.005, 0.0095);
+/// The same for the motion towards the other brow.
 const BROW_IN_M: (f32, f32) = (0.0025, 0.004);
-/// How far lids open wider, of their opening at rest.
+/// The same for lids that open wider than at rest, as shares of their opening at rest.
 const WIDE: (f32, f32) = (0.25, 0.5);
 
-/// Keeps brows and wide lids within what a face can do, however much is added up.
+/// Keeps brows and wide lids within what a face can do, however many motions are added up.
 ///
 /// `moved`: `[T, 68, 3]`, canonical metres.
 pub(super) fn limit(moved: &mut Array3<f32>, modes: &FaceModes) -> Result<()> {
@@ -30,7 +33,7 @@ pub(super) fn limit(moved: &mut Array3<f32>, modes: &FaceModes) -> Result<()> {
     Ok(())
 }
 
-/// The same of one frame `[68, 3]`.
+/// The same for one frame `[68, 3]`.
 pub(super) fn limit_frame(frame: &mut ArrayViewMut2<'_, f32>, eyes: &[Lids<'_>; 2]) {
     for (lids, inward) in eyes.iter().zip([1.0, -1.0]) {
         for n in lids.eye.brow.clone() {
@@ -43,7 +46,7 @@ pub(super) fn limit_frame(frame: &mut ArrayViewMut2<'_, f32>, eyes: &[Lids<'_>; 
     }
 }
 
-/// A value that grows freely up to the first bound, and slower from there towards the second.
+/// Leaves `x` unchanged up to the first bound. Beyond it the value approaches the second bound.
 fn up_to(x: f32, (free, most): (f32, f32)) -> f32 {
     match x > free {
         true => free + (most - free) * ((x - free) / (most - free)).tanh(),
@@ -51,7 +54,7 @@ fn up_to(x: f32, (free, most): (f32, f32)) -> f32 {
     }
 }
 
-/// Scales the motion of the upper face; lids that would pass through one another just close.
+/// Scales the motion of the upper face. Lids that would pass through each other just close.
 ///
 /// `moved`: `[T, 68, 3]`, canonical metres.
 pub(super) fn scale(moved: &mut Array3<f32>, modes: &FaceModes, factor: f32) -> Result<()> {
@@ -71,7 +74,7 @@ pub(super) fn scale(moved: &mut Array3<f32>, modes: &FaceModes, factor: f32) -> 
     Ok(())
 }
 
-/// Motion of brows and mouth corners grows on one side and shrinks on the other.
+/// Makes the motion of brows and mouth corners larger on one side and smaller on the other.
 pub(super) fn lean(moved: &mut Array3<f32>, asymmetry: f32) {
     for mut frame in moved.outer_iter_mut() {
         for (right, left, share) in SIDES {
@@ -82,13 +85,13 @@ pub(super) fn lean(moved: &mut Array3<f32>, asymmetry: f32) {
     }
 }
 
-/// The lids of one eye with the way in which they close.
+/// The lids of one eye, with the motion that closes them.
 pub(super) struct Lids<'a> {
     eye: &'static Eye,
     mode: ArrayView2<'a, f32>,
 }
 
-/// Both eyes, the subject's right one first.
+/// The lids of both eyes, the subject's right one first.
 pub(super) fn lids(modes: &FaceModes) -> Result<[Lids<'_>; 2]> {
     let [right, left] = &EYES;
     Ok([Lids::of(right, modes)?, Lids::of(left, modes)?])
@@ -100,7 +103,7 @@ impl<'a> Lids<'a> {
         Ok(Lids { eye, mode })
     }
 
-    /// How far the lids are closed: 0 neutral, 1 as the full mode closes them, below 0 wide open.
+    /// How far the lids are closed: 0 is neutral, 1 as closed as the full mode, below 0 wide open.
     pub(super) fn closure(&self, frame: &impl std::ops::Index<[usize; 2], Output = f32>) -> f32 {
         let gap = |(up, low): (usize, usize)| frame[[up, 1]] - frame[[low, 1]];
         let full = |(up, low): (usize, usize)| self.mode[[up, 1]] - self.mode[[low, 1]];
@@ -108,8 +111,8 @@ impl<'a> Lids<'a> {
         (gap(a) + gap(b)) / (full(a) + full(b))
     }
 
-    /// Lets one pair of lids be ahead of the other on the way to closing by at most `most`, metres, so that a blink
-    /// closes both. The mean gap stays.
+    /// Limits how far the gap of one lid pair may differ from an even closing to `most`, metres, so
+    /// that a blink closes both pairs. The mean gap stays.
     pub(super) fn even(&self, frame: &mut ArrayViewMut2<'_, f32>, most: f32) {
         let closure = self.closure(frame);
         let [(up, low), (other, _)] = self.eye.pairs;
@@ -120,15 +123,15 @@ impl<'a> Lids<'a> {
         frame[[other, 1]] += excess;
     }
 
-    /// Moves the upper lid out of the face.
+    /// Moves the upper lid forward, out of the face, by `by` metres.
     pub(super) fn bring_forward(&self, frame: &mut ArrayViewMut2<'_, f32>, by: f32) {
         for (upper, _) in self.eye.pairs {
             frame[[upper, 2]] += by;
         }
     }
 
-    /// Lowers the upper lid by `down` metres along the way of a blink, the lower one a little, as far as the
-    /// lids are open.
+    /// Lowers the upper lid by `down` metres along the path of a blink, and the lower lid by a
+    /// little. The more the lids are closed, the less they move.
     pub(super) fn follow(&self, frame: &mut ArrayViewMut2<'_, f32>, down: f32) {
         let open = (1.0 - self.closure(frame)).clamp(0.0, 1.0);
         for (upper, lower) in self.eye.pairs {
@@ -139,7 +142,7 @@ impl<'a> Lids<'a> {
         }
     }
 
-    /// Adds `weight` of the mode to the lids and to nothing else.
+    /// Adds the closing mode with `weight` to the lids and to nothing else.
     pub(super) fn close(&self, frame: &mut ArrayViewMut2<'_, f32>, weight: f32) {
         for n in self.eye.lids.clone() {
             frame.row_mut(n).scaled_add(weight, &self.mode.row(n));

@@ -1,11 +1,12 @@
-//! What differs between two takes of one actor.
+//! The differences between two takes of one actor.
 //!
-//! Slow, seeded changes of how far the mouth opens, widens and protrudes, of the side it prefers and of
-//! how the brows are held. All of it rests while nobody speaks, and lips that close close as before.
-//! The measure of it is grid_s1, whose corners of the mouth part from symmetry within a clip by 0.38 mm up and by
-//! 0.55 mm across (medians of deviations), slower than 1 Hz 0.26 and 0.37 mm, faster 0.22 and 0.34 mm; from clip to
-//! clip their means differ by 0.33 mm up. The lips' openings left and right differ by 4 %. His brows go by 0.35 mm
-//! within a clip, 0.23 mm of it slower than 1 Hz, and their means differ by 0.55 mm.
+//! Seeded changes of how far the mouth opens, widens and protrudes, of the side it prefers, and of
+//! the brows. Everything that is added fades out while nobody speaks, and lips that close still
+//! close as before. The sizes come from grid_s1. The corners of his mouth deviate from symmetry
+//! within a clip by 0.38 mm up and 0.55 mm across (medians of standard deviations). Of this,
+//! changes slower than 1 Hz have 0.26 and 0.37 mm, and faster ones 0.22 and 0.34 mm. From clip to
+//! clip the means differ by 0.33 mm up. The lips' openings left and right differ by 4 %. His brows
+//! deviate by 0.35 mm within a clip, 0.23 mm of it slower than 1 Hz. Their means differ by 0.55 mm.
 
 use ndarray::{Array2, Array3};
 
@@ -19,31 +20,33 @@ use crate::{
     mesh::ibug::{BROWS, MOUTH, speaking},
 };
 
-/// Number of this process among the streams of a seed.
+/// The number of the random stream that this process draws from.
 const STREAM: u64 = u64::MAX - 4;
-/// How slowly it changes: the mouth, and the brows.
+/// Frequencies of the slow changes of the mouth.
 const MOUTH_HZ: (f64, f64) = (0.2, 0.8);
+/// Frequencies of the slow changes of the brows.
 const BROWS_HZ: (f64, f64) = (0.12, 0.6);
-/// Deviation of the scale of a take throughout, and of its changes, across, up and out of the face.
+/// Standard deviation of the constant part of a take's scales: across, up and out of the face.
 const TAKE: [f64; 3] = [0.08, 0.06, 0.08];
+/// Standard deviation of the changes of these scales.
 const CHANGE: [f64; 3] = [0.16, 0.13, 0.16];
-/// Deviation of what one side of the mouth opens more than the other.
+/// Standard deviation of how much more one side of the mouth opens than its middle.
 const SIDE: f64 = 0.04;
-/// Deviation of the mouth's shift to a side throughout a take, of its slow and of its quick changes, metres.
+/// Standard deviations of the mouth's shift to a side, metres: constant, slow and quick part.
 const SHIFT_M: [f64; 3] = [0.2e-3, 0.32e-3, 0.24e-3];
-/// The same of what a corner is higher than the middle, and the other one lower.
+/// The same for the tilt, which raises one corner by this much and lowers the other.
 const TILT_M: [f64; 3] = [0.14e-3, 0.2e-3, 0.14e-3];
-/// How quick the quick changes are.
+/// Frequencies of the quick changes.
 const QUICK_HZ: (f64, f64) = (1.2, 3.5);
-/// Deviation of the weight of raised brows from phrase to phrase, of its slow and of its quick changes.
+/// Standard deviations of the weight of raised brows: between phrases, slow and quick part.
 const RAISE: [f64; 3] = [0.06, 0.016, 0.012];
-/// How far brows go from one phrase to the next, seconds.
+/// How long the brows take from one phrase to the next, seconds.
 const RAISE_S: f64 = 0.7;
-/// Deviation of the weight of knit brows.
+/// Standard deviation of the weight of knit brows.
 const KNIT: f64 = 0.03;
-/// Deviation of what one brow goes further than the other.
+/// Standard deviation of the share by which one brow moves further and the other less.
 const BROW_SIDE: f64 = 0.25;
-/// Where the landmarks of the mouth lie across at rest, shares of half its width, right to left.
+/// Positions of the mouth's landmarks across at rest, −1 at the right corner to 1 at the left.
 const PLACES: [f32; 20] = [
     -1.0, -0.66, -0.3, 0.0, 0.3, 0.66, 1.0, 0.66, 0.33, 0.0, -0.33, -0.66, -0.9, -0.33, 0.0, 0.33,
     0.9, 0.33, 0.0, -0.33,
@@ -57,14 +60,14 @@ pub(super) struct Variety {
     side: SlowNoise,
     shift: Change,
     tilt: Change,
-    /// Of each phrase, deviations.
+    /// One value per phrase, in standard deviations.
     raises: Vec<f64>,
     raise: [SlowNoise; 2],
     knit: SlowNoise,
     brow_side: SlowNoise,
 }
 
-/// What is the same throughout, what changes slowly and what quickly.
+/// A constant part, slow changes and quick changes.
 struct Change {
     take: f64,
     slow: SlowNoise,
@@ -85,7 +88,7 @@ impl Change {
     }
 }
 
-/// A bell of deviation 1, within 2.6.
+/// A random number from a bell curve of standard deviation 1, within ±2.65.
 fn deviate(chance: &mut Chance) -> f64 {
     5.3 * (chance.bell() - 0.5)
 }
@@ -93,27 +96,27 @@ fn deviate(chance: &mut Chance) -> f64 {
 /// How the lower face differs at an instant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MouthVariety {
-    /// Factors on how far it opens, across, up and out of the face.
+    /// Factors on its motion across, up and out of the face.
     pub(super) scale: [f32; 3],
-    /// Share that the left side opens more and the right one less.
+    /// The share by which the left side opens more and the right side less.
     pub(super) side: f32,
-    /// How far the mouth lies to the left, metres.
+    /// How far the mouth is shifted to the left, metres.
     pub(super) shift_m: f32,
-    /// How much higher its left corner is than the middle, and its right one lower, metres.
+    /// How much the left corner is raised and the right one lowered, metres.
     pub(super) tilt_m: f32,
 }
 
-/// How the brows differ at an instant, in weights of ARKit's shapes; below 0 the other way.
+/// How the brows differ at an instant, in weights of ARKit's shapes, which may be negative.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BrowVariety {
     pub(super) raised: f32,
     pub(super) knit: f32,
-    /// Share that the left brow goes further and the right one less.
+    /// The share by which the left brow moves further and the right one less.
     pub(super) side: f32,
 }
 
 impl Variety {
-    /// Same seed, same take.
+    /// Draws a take. The same seed gives the same take.
     pub(super) fn draw(prosody: &Prosody, seed: u64) -> Self {
         let mut chance = Chance::new(seed, STREAM);
         let take = TAKE.map(|deviation| deviation * deviate(&mut chance));
@@ -170,7 +173,7 @@ impl Variety {
         }
     }
 
-    /// Varies the lower face of `[T, 68, 3]`, canonical metres; gaps of closed lips stay.
+    /// Varies the lower face of `[T, 68, 3]`, canonical metres. The gaps of closed lips stay.
     pub(super) fn vary_mouth(&self, moved: &mut Array3<f32>, fps: f64, strength: f32) {
         let sampled = moved.clone();
         for (t, mut frame) in moved.outer_iter_mut().enumerate() {
@@ -236,7 +239,7 @@ mod tests {
     const FPS: f64 = 30.0;
     const FRAMES: usize = 270;
 
-    /// A jaw that opens four times a second, lips that round, closures in between.
+    /// A jaw that opens three times a second, lips that round, and closures in between.
     fn talking(modes: &FaceModes) -> Array3<f32> {
         let shapes = ["jawOpen", "mouthPucker", "mouthSmile_L", "mouthSmile_R"]
             .map(|name| modes.mode(name).unwrap());
@@ -258,7 +261,8 @@ mod tests {
         moved
     }
 
-    /// Deviation of a landmark's place between takes, mean over frames and `region`, millimetres.
+    /// Standard deviation of a landmark's position between takes, averaged over frames and
+    /// `region`, millimetres.
     fn deviation_mm(takes: &[Array3<f32>], region: impl Iterator<Item = usize>) -> f64 {
         let deviation = |t: usize, n: usize| {
             let variance = |i: usize| {

@@ -1,17 +1,18 @@
-//! Whether anybody sees a face speak: never a silent "nothing moved".
+//! Tells whether a viewer sees the face speak, so that a face that does not move is never passed
+//! over.
 
 use ndarray::{ArrayView3, Axis, s};
 
 use crate::mesh::ibug::MOUTH;
 
-/// Largest displacement of any vertex, in mm on a head of human size, below which nobody sees a
-/// face move.
+/// A face does not visibly move if no vertex is displaced by this much, in mm on a head of human
+/// size.
 pub const VISIBLE_MM: f32 = 0.05;
-/// How far lips that speak get from where they mostly are, in mm on a head of human size. They move
-/// by up to 0.9 mm under noise, hiss and clicks, and by 4.8 mm under a spoken sentence, also a
-/// hundred times quieter (measured with the default weights).
+/// Lips speak if they travel at least this far from their usual position, in mm on a head of human
+/// size. With the default weights they travel by up to 0.9 mm under noise, hiss and clicks, and by
+/// 4.8 mm under a spoken sentence, even if it is a hundred times quieter.
 pub const SPOKEN_MM: f32 = 1.0;
-/// Who turns speech off by this much wants no lips to move.
+/// An articulation below this means that the lips are not meant to move.
 const NO_ARTICULATION: f32 = 0.05;
 
 /// What a viewer sees of a performance.
@@ -19,15 +20,16 @@ const NO_ARTICULATION: f32 = 0.05;
 pub enum Visibility {
     /// The mouth speaks, or was asked to rest.
     Speaks,
-    /// Lids and brows move, the lips do not.
+    /// The face moves, such as lids and brows, but the lips do not.
     LipsRest,
     /// Nothing moves.
     Nothing,
 }
 
 impl Visibility {
-    /// `largest_mm`: largest displacement of any vertex in any frame; `lips_mm`: [`lip_travel`] in
-    /// mm, both on a head of human size; `articulation`: what the lips were asked for, 1 is normal.
+    /// `largest_mm`: the largest displacement of any vertex in any frame. `lips_mm`: [`lip_travel`]
+    /// in mm. Both are for a head of human size. `articulation`: the requested articulation, 1 is
+    /// normal.
     pub fn of(largest_mm: f32, lips_mm: f32, articulation: f32) -> Visibility {
         if largest_mm < VISIBLE_MM {
             Visibility::Nothing
@@ -39,19 +41,19 @@ impl Visibility {
     }
 }
 
-/// How far things get over all frames of a motion, in its own unit.
+/// The largest displacements over all frames of a motion, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Extent {
-    /// Any vertex, where there is a mesh.
+    /// The largest of any vertex, if there is a mesh.
     pub largest: Option<f32>,
-    /// Any landmark.
+    /// The largest of any landmark.
     pub landmarks: f32,
-    /// Lips from where they mostly are: [`lip_travel`].
+    /// The largest of the lips from their usual position: [`lip_travel`].
     pub lips: f32,
 }
 
 impl Extent {
-    /// `largest`: of any vertex, where there is a mesh; `landmarks`: `[T, 68, 3]`.
+    /// `largest`: the largest of any vertex, if there is a mesh. `landmarks`: `[T, 68, 3]`.
     pub fn of(largest: Option<f32>, landmarks: ArrayView3<'_, f32>) -> Extent {
         let rows = landmarks.rows().into_iter();
         Extent {
@@ -61,7 +63,7 @@ impl Extent {
         }
     }
 
-    /// Of this and another part of one motion.
+    /// The extent of this part of a motion and another part together.
     #[must_use]
     pub fn with(self, other: Extent) -> Extent {
         let largest = self.largest.into_iter().chain(other.largest);
@@ -73,7 +75,8 @@ impl Extent {
     }
 }
 
-/// How far any lip landmark gets from where it mostly is, in the unit of `landmarks` `[T, 68, 3]`.
+/// The farthest that any lip landmark gets from its median position, in the unit of `landmarks`
+/// `[T, 68, 3]`.
 ///
 /// Blinks, brows and a lasting expression do not count.
 pub fn lip_travel(landmarks: ArrayView3<'_, f32>) -> f32 {

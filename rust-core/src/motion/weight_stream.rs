@@ -1,4 +1,4 @@
-//! Weights of ARKit's shapes and of visemes while somebody is speaking, for characters that are no mesh of ours.
+//! Live weights of ARKit's shapes and of visemes, for characters whose mesh is not at hand.
 
 use std::sync::Arc;
 
@@ -18,30 +18,31 @@ use crate::{
     speech::{EmotionEar, EmotionEncoder, EmotionListener},
 };
 
-/// Eyes that look this far to a side have the weight 1, degrees.
+/// The angle of the eyes at which a look shape has weight 1, degrees.
 const FULL_LOOK_DEG: f64 = 30.0;
 
 /// A face at one instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightFrame {
-    /// Number of the frame; it stands at `index / fps` seconds of the sound.
+    /// Number of the frame, which is at `index / fps` seconds of the sound.
     pub index: usize,
-    /// Weights of [`ARKIT`]'s shapes, 0 to 1: what is said and felt, blinks, and where the eyes look.
+    /// Weights of [`ARKIT`]'s shapes, 0 to 1: speech, emotion, blinks and the eyes' direction.
     pub shapes: [f32; ARKIT.len()],
-    /// Weights of [`VISEMES`], 0 to 1, for characters that have no more: what is said alone. Of `sil` what the others leave.
+    /// Weights of [`VISEMES`], 0 to 1, for characters that have only these. They show speech alone.
+    /// `sil` gets what the others leave of 1.
     pub visemes: [f32; VISEMES.len()],
-    /// What is felt: what was set, or heard.
+    /// The emotion, either set or heard.
     pub emotion: Emotion,
-    /// Rotation vector of the head, radians, in the canonical frame: x to the subject's left, y up, z to the front. A nod
-    /// down turns about +x.
+    /// Rotation vector of the head, radians, in canonical axes: x to the subject's left, y up, z to
+    /// the front. A nod down turns about +x.
     pub head: [f32; 3],
 }
 
-/// A performance in progress: push samples, pull weights. They are the same bit for bit however the samples were cut
-/// into pushes.
+/// A performance in progress: push samples, pull weights. The weights are the same bit for bit,
+/// however the samples are split into pushes.
 ///
-/// The landmarks of a [`MotionStream`] are followed by least squares on the mean face, a frame at a time from where
-/// the last one was.
+/// A least-squares fit on the mean face follows the landmarks of a [`MotionStream`]. It goes frame
+/// by frame and starts from the weights of the previous frame.
 ///
 /// ```
 /// # use anyface::{Engine, EngineOptions};
@@ -56,10 +57,10 @@ pub struct WeightFrame {
 pub struct WeightStream {
     motion: Box<dyn MotionStream>,
     ears: Ears,
-    /// Hears the emotion where it is wanted, and the samples that had come before.
+    /// The listener, if emotion is to be heard, and how many samples were pushed before it started.
     listener: Option<(EmotionListener, u64)>,
     pushed: u64,
-    /// What is felt from the next frame on.
+    /// The emotion from the next frame on.
     emotion: Emotion,
     shapes: ShapeFit,
     visemes: ShapeFit,
@@ -67,16 +68,16 @@ pub struct WeightStream {
     places: Places,
 }
 
-/// What hears an emotion in a voice.
+/// The models that hear an emotion in a voice.
 #[derive(Clone)]
 pub(crate) struct Ears {
-    /// The voice of the last two seconds as numbers.
+    /// Turns the last two seconds of the voice into features.
     pub encoder: Arc<EmotionEncoder>,
-    /// What is felt in them.
+    /// Finds the emotion in these features.
     pub ear: Arc<EmotionEar>,
 }
 
-/// Numbers among [`ARKIT`]'s shapes, the subject's right side first.
+/// Indices of some of [`ARKIT`]'s shapes, the subject's right side first.
 struct Places {
     jaw_open: usize,
     blink: [usize; 2],
@@ -85,10 +86,10 @@ struct Places {
 }
 
 impl WeightStream {
-    /// `mixtures`: `[15, 52]`, weight of each shape in each viseme.
+    /// `mixtures`: `[15, 52]`, the weight of each shape in each viseme.
     ///
     /// # Errors
-    /// `Weights` if the modes of the face lack one.
+    /// `Weights` if the modes of the face lack a shape.
     pub(crate) fn new(
         motion: Box<dyn MotionStream>,
         ears: Ears,
@@ -142,7 +143,7 @@ impl WeightStream {
         Ok(())
     }
 
-    /// The next frame, or `None` until more samples are there.
+    /// The next frame, or `None` until more samples have arrived.
     pub fn pull(&mut self) -> Option<WeightFrame> {
         self.follow_voice()?;
         let frame = self.motion.pull()?;
@@ -159,7 +160,7 @@ impl WeightStream {
             .iter_mut()
             .zip(fitted)
             .for_each(|(to, w)| *to = *w as f32);
-        // The first is silence.
+        // The first viseme is silence.
         let said: f32 = visemes[1..].iter().sum();
         visemes[0] = (1.0 - said).max(0.0);
         let time_s = frame.index as f64 / self.motion.fps();
@@ -175,7 +176,7 @@ impl WeightStream {
         })
     }
 
-    /// Ends the sound: silence follows, and every frame that began can be pulled.
+    /// Ends the sound. Silence follows, so that every frame that has begun can be pulled.
     ///
     /// # Errors
     /// `InvalidInput` the second time.
@@ -183,7 +184,7 @@ impl WeightStream {
         self.motion.finish()
     }
 
-    /// Emotion from the next frame on, in place of one that is heard.
+    /// Sets the emotion from the next frame on. It replaces the one that is heard.
     ///
     /// # Errors
     /// `InvalidInput` for an emotion that is not finite.
@@ -193,8 +194,9 @@ impl WeightStream {
         Ok(())
     }
 
-    /// Shows the emotion that is heard in what is pushed from now on: neutral in the first second, then three times a
-    /// second what the last two seconds say beside all before. [`WeightStream::set_emotion`] ends it.
+    /// Shows the emotion that is heard in the sound pushed from now on. It is neutral in the first
+    /// second. Then it is updated three times a second from the last two seconds, compared with the
+    /// last minute and a half. [`WeightStream::set_emotion`] ends this.
     pub fn hear_emotion(&mut self) {
         if self.listener.is_none() {
             let Ears { encoder, ear } = self.ears.clone();
@@ -202,7 +204,8 @@ impl WeightStream {
         }
     }
 
-    /// Looks ahead by `seconds` at most from the first sound on; see [`MotionStream::look_ahead`].
+    /// Limits the look-ahead to `seconds`. Call it before the first sound; see
+    /// [`MotionStream::look_ahead`].
     ///
     /// # Errors
     /// Those of [`MotionStream::look_ahead`].
@@ -210,12 +213,13 @@ impl WeightStream {
         self.motion.look_ahead(seconds)
     }
 
-    /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
+    /// Lets every sound move the face from now on, including singing, music and noise. Without
+    /// this, only speech does.
     pub fn hear_all(&mut self) {
         self.motion.hear_all();
     }
 
-    /// Sets the emotion of the next frame to what is heard up to the end of its look-ahead.
+    /// Sets the emotion of the next frame to the one heard up to the end of the frame's look-ahead.
     fn follow_voice(&mut self) -> Option<()> {
         let Some((listener, before)) = &mut self.listener else {
             return Some(());
@@ -231,14 +235,14 @@ impl WeightStream {
         self.motion.fps()
     }
 
-    /// Seconds of sound after a frame's own instant that it waits for.
+    /// How many seconds of sound after its own time a frame waits for.
     pub fn latency_s(&self) -> f64 {
         self.motion.latency_s()
     }
 }
 
 impl Places {
-    /// Lets lids blink and eyes look.
+    /// Adds blinks and the direction of the eyes.
     fn add(&self, idle: &Idle, shapes: &mut [f32; ARKIT.len()]) {
         let [left_deg, up_deg] = idle.look_deg;
         for (side, outward_deg) in [(0, -left_deg), (1, left_deg)] {

@@ -1,4 +1,4 @@
-//! Layer norm under a condition, with a gate; twin of `training/nn/ada_ln.py`.
+//! Layer norm whose scale, shift and gate depend on a condition; twin of `training/nn/ada_ln.py`.
 
 use ndarray::{Array2, ArrayRef2};
 
@@ -9,12 +9,13 @@ use super::{
 };
 use crate::{Result, models::Weights};
 
-/// Shift, scale and gate of each sub-layer.
+/// Vectors of modulation per sub-layer: shift, scale and gate.
 pub const PER_LAYER: usize = 3;
 /// Epsilon of PyTorch's `layer_norm`.
 const EPSILON: f32 = 1e-5;
 
-/// Modulation for all blocks from a condition (Peebles & Xie 2023; Chen et al. 2024, adaLN-single).
+/// Computes the modulation of all blocks from a condition (Peebles & Xie 2023; Chen et al. 2024,
+/// adaLN-single).
 #[derive(Debug, Clone)]
 pub struct AdaLn {
     linear: Linear,
@@ -37,15 +38,15 @@ impl AdaLn {
     }
 }
 
-/// The modulation of one sub-layer of one block: columns of [`AdaLn::forward`] and the block's own
-/// table.
+/// The modulation of one sub-layer of one block: the sum of columns of [`AdaLn::forward`] and rows
+/// of the block's own table.
 #[derive(Debug, Clone, Copy)]
 pub struct Modulated<'a> {
     /// `[T, 3 · layers · width]`.
     pub ada: &'a Array2<f32>,
     /// `[3 · layers, width]`.
     pub table: &'a Array2<f32>,
-    /// Which sub-layer.
+    /// Index of the sub-layer.
     pub layer: usize,
 }
 

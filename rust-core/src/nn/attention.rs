@@ -45,7 +45,7 @@ impl SelfAttention {
         )
     }
 
-    /// The same where `k_proj` has no bias, as in Whisper.
+    /// Like `load_separate`, but `k_proj` has no bias, as in Whisper.
     ///
     /// # Errors
     /// Those of [`SelfAttention::load`].
@@ -58,7 +58,7 @@ impl SelfAttention {
         )
     }
 
-    /// From each part's name and whether it has a bias.
+    /// `names`: the name of each part and whether it has a bias.
     fn load_parts(
         weights: &Weights,
         channels: usize,
@@ -94,7 +94,7 @@ impl SelfAttention {
         self.forward_within(x, None)
     }
 
-    /// The same with a reach: each row sees only the keys within it.
+    /// Like `forward`, but with a reach each row sees only the keys within it.
     pub fn forward_within(&self, x: &ArrayRef2<f32>, reach: Option<Reach>) -> Array2<f32> {
         let channels = self.out_proj.inputs();
         let joint = self.in_proj.forward(x);
@@ -104,7 +104,7 @@ impl SelfAttention {
     }
 }
 
-/// Keys and values of a memory sequence: computed once, used at every denoising step.
+/// Keys and values of a memory sequence. They are computed once and used at every denoising step.
 #[derive(Debug, Clone)]
 pub struct KeysValues {
     /// `[T, 2 C]`: keys, then values.
@@ -145,8 +145,8 @@ impl CrossAttention {
 
     /// `x`: `[T, C]`. Returns `[T, C]`.
     ///
-    /// With `band`, row `i` sees only the memory rows `j` with `|i − j| ≤ band`: FreeTalk eq. 9 and
-    /// 10 with −∞ outside the radius, where the paper's text has +1.
+    /// With `band`, row `i` sees only the memory rows `j` with `|i − j| ≤ band`. This is FreeTalk
+    /// eq. 9 and 10, but with −∞ outside the radius where the paper's text has +1.
     ///
     /// # Panics
     /// If there is a band and the memory is shorter than `x`.
@@ -184,12 +184,12 @@ fn in_proj(weights: &Weights, channels: usize) -> Result<Linear> {
     Ok(Linear::from_parts(&weight, bias))
 }
 
-/// Which keys `j` row `i` sees: `i − behind ≤ j ≤ i + ahead`.
+/// Row `i` sees the keys `j` with `i − behind ≤ j ≤ i + ahead`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reach {
-    /// Keys before the row's own.
+    /// Number of keys before the row's own.
     pub behind: usize,
-    /// Keys after it.
+    /// Number of keys after it.
     pub ahead: usize,
 }
 
@@ -200,7 +200,7 @@ impl Reach {
         ahead: 0,
     };
 
-    /// Equally far to both sides.
+    /// A reach of `radius` keys to both sides.
     pub fn band(radius: usize) -> Self {
         Reach {
             behind: radius,
@@ -212,7 +212,7 @@ impl Reach {
 /// `softmax(q kᵀ / √d) v` for each head, ibid. eq. 1.
 ///
 /// `q`: `[T, C]`; `k`, `v`: `[S, C]`. Returns `[T, C]`. Only the keys within reach are read, so
-/// that a reach makes the cost linear in `T`.
+/// a limited reach makes the cost linear in `T`.
 pub fn attend(
     q: MatRef<'_, f32>,
     k: MatRef<'_, f32>,

@@ -1,9 +1,9 @@
-//! Causal self-attention that prefers near rows, period by period, one row at a time.
+//! Causal self-attention, one row at a time, that favours near rows in steps of one period.
 //!
-//! FaceFormer (Fan et al. 2022, eq. 4 and 5): row `i` sees `j ≤ i` under `−slope_h · ⌊(i − j) /
-//! p⌋`, each head with a slope of its own as in ALiBi (Press et al. 2022). Keys and values of the
-//! rows before are stored, as many as the look-back says. Twin of
-//! `training/nn/biased_attention.py`.
+//! FaceFormer (Fan et al. 2022, eq. 4 and 5): row `i` sees the rows `j ≤ i`. Each score is biased
+//! by `−slope_h · ⌊(i − j) / p⌋`, where each head has its own slope as in ALiBi (Press et al.
+//! 2022). The keys and values of the latest `look_back` rows are stored, the current row included.
+//! Twin of `training/nn/biased_attention.py`.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ pub struct BiasedSelfAttention {
     out_proj: Linear,
 }
 
-/// Keys and values of the rows before, the oldest first.
+/// Keys and values of the latest rows, oldest first.
 #[derive(Debug, Clone, Default)]
 pub struct PastRows {
     /// `[2 C]` each: keys, then values.
@@ -28,10 +28,11 @@ pub struct PastRows {
 }
 
 impl BiasedSelfAttention {
-    /// For rows of `channels`; `period` and `look_back` count rows.
+    /// Reads the weights for rows of `channels`; `period` and `look_back` count rows.
     ///
     /// # Errors
-    /// `Weights` if an array is missing or has another shape, or a number is 0 or does not fit.
+    /// `Weights` if an array is missing or has another shape, if `heads`, `period` or `look_back`
+    /// is 0, or if `heads` does not divide `channels`.
     pub fn load(
         weights: &Weights,
         channels: usize,
@@ -56,7 +57,7 @@ impl BiasedSelfAttention {
         })
     }
 
-    /// The next row, `[C]` → `[C]`.
+    /// Attends from the next row `x`, `[C]`, and writes `out`, `[C]`.
     pub fn step(&self, x: &[f32], past: &mut PastRows, out: &mut [f32]) {
         let channels = self.out_proj.inputs();
         let mut joint = vec![0.0; 3 * channels];
@@ -92,7 +93,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Adds the sinusoids of row number `row`, counted modulo the period, to `x`, `[C]`; ibid. eq. 4.
+/// Adds the sinusoids of row number `row` modulo the period to `x`, `[C]`; ibid. eq. 4.
 pub fn add_periodic_position(x: &mut [f32], row: usize, period: usize) {
     let (at, width) = ((row % period) as f32, x.len() as f32);
     for (pair, x) in x.chunks_mut(2).enumerate() {

@@ -9,7 +9,7 @@ use crate::{Result, models::Weights};
 /// A convolution over `[T, C]`; PyTorch's `nn.Conv1d`, channels last.
 #[derive(Debug, Clone)]
 pub struct Conv1d {
-    /// `[taps · in, out]`: the taps one below the other.
+    /// `[taps · in, out]`: the taps stacked one below the other.
     weight: Array2<f32>,
     bias: Array1<f32>,
     inputs: usize,
@@ -19,7 +19,8 @@ pub struct Conv1d {
 }
 
 impl Conv1d {
-    /// Reads `weight` `[out, in, taps]` and, where the file has it, `bias` `[out]`.
+    /// Reads `weight` `[out, in, taps]` and, if `bias` is true, `bias` `[out]`; otherwise the bias
+    /// is 0.
     ///
     /// # Errors
     /// `Weights` if one is missing or has another shape.
@@ -55,17 +56,17 @@ impl Conv1d {
         }
     }
 
-    /// The same with taps that stand `dilation` rows apart, at least 1.
+    /// This layer with taps `dilation` rows apart; `dilation` is at least 1.
     pub fn dilated(self, dilation: usize) -> Self {
         Conv1d { dilation, ..self }
     }
 
-    /// The same with `padding` rows of zeros before and after the input.
+    /// This layer with `padding` rows of zeros before and after the input.
     pub fn padded(self, padding: usize) -> Self {
         Conv1d { padding, ..self }
     }
 
-    /// `[out]`.
+    /// The bias, `[out]`.
     pub fn bias(&self) -> &Array1<f32> {
         &self.bias
     }
@@ -89,8 +90,8 @@ impl Conv1d {
         }
     }
 
-    /// `x`: `[T, in]`. Returns `[T', out]`, each block of rows passed through `finish` while it is
-    /// in the cache; `T' = (T + 2 padding − dilation (taps − 1) − 1) / stride + 1`.
+    /// `x`: `[T, in]`. Returns `[T', out]`. Passes each block of rows through `finish` while it is
+    /// in the cache. `T' = (T + 2 padding − dilation (taps − 1) − 1) / stride + 1`.
     pub fn forward_then(
         &self,
         x: &ArrayRef2<f32>,
@@ -111,7 +112,8 @@ impl Conv1d {
         })
     }
 
-    /// A product of the gathered windows: with one channel a tap alone is too thin a matrix.
+    /// Gathers the windows and multiplies once, because with one channel the matrix of a tap is too
+    /// thin.
     fn one_channel(&self, x: &[f32], rows: usize, out: &mut [f32]) {
         let taps = self.taps();
         let windows: Vec<f32> = (0..rows)
@@ -123,7 +125,7 @@ impl Conv1d {
         matrix::product(target, windows, matrix::view(&self.weight));
     }
 
-    /// `Σ_tap x[tap :: stride] W_tap`: no copy of the input.
+    /// `Σ_tap x[tap · dilation :: stride] W_tap`, without copying the input.
     fn sum_of_taps(&self, x: &[f32], rows: usize, out: &mut [f32]) {
         let step = self.stride * self.inputs;
         for tap in 0..self.taps() {
@@ -152,7 +154,7 @@ fn with_zeros_around(x: &ArrayRef2<f32>, padding: usize) -> Array2<f32> {
 mod tests {
     use super::*;
 
-    /// The definition, written as the sum it is; zeros stand beyond both ends.
+    /// The definition as a plain sum, with zeros beyond both ends.
     fn plain(x: &Array2<f32>, weight: &[f32], shape: [usize; 3], steps: [usize; 3]) -> Array2<f32> {
         let [outputs, inputs, taps] = shape;
         let [stride, dilation, padding] = steps;

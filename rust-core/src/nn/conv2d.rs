@@ -70,10 +70,11 @@ impl Picture {
     }
 }
 
-/// PyTorch's `nn.Conv2d` with a square kernel of odd size, zero padding of half of it, and bias.
+/// PyTorch's `nn.Conv2d` with a square kernel of odd size, zero padding of half the kernel, and
+/// bias.
 #[derive(Debug, Clone)]
 pub struct Conv2d {
-    /// `[kernel · kernel · in, out]`: the taps row by row, one below the other.
+    /// `[kernel · kernel · in, out]`: the taps row by row, stacked one below the other.
     weight: Array2<f32>,
     bias: Array1<f32>,
     inputs: usize,
@@ -120,7 +121,7 @@ impl Conv2d {
         );
         let outputs = self.outputs();
         let mut out = Picture::zeros(height, width, outputs);
-        // Four rows at a time keep the patches of one product in the second-level cache.
+        // With four rows at a time, the patches of one product stay in the second-level cache.
         let rows = 4;
         out.values
             .par_chunks_mut(rows * width * outputs)

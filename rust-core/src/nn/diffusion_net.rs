@@ -1,20 +1,21 @@
 //! DiffusionNet (Sharp, Attaiki, Crane, Ovsjanikov 2022): learning on surfaces by diffusion.
 //!
-//! Layer names are those of the authors' checkpoints. The result is theirs up to rounding; the order
-//! of work is not:
+//! Layer names are those of the authors' checkpoints. The result equals theirs up to rounding, but
+//! the work is done in another order:
 //!
-//! - The diffused field is `Φ y` with `K` coefficients per channel. What acts on channels alone
-//!   (the rotation `A` of the gradients, the MLP's weight for the diffused input) is applied to the
-//!   `K` coefficients instead of the `V` vertices.
-//! - The gradients of the eigenvectors are known ([`Surface`]), so that gradients of the diffused
+//! - The diffused field is `Φ y` with `K` coefficients per channel. Matrices that act on channels
+//!   alone (the rotation `A` of the gradients, the MLP's weight for the diffused input) are applied
+//!   to the `K` coefficients instead of the `V` vertices.
+//! - The gradients of the eigenvectors are precomputed ([`Surface`]), so gradients of the diffused
 //!   field are dense products.
-//! - `A` is complex: three real products instead of four, `k₁ = Re A (gx + gy)`,
+//! - `A` is complex. Three real products replace four: `k₁ = Re A (gx + gy)`,
 //!   `k₂ = (Im A − Re A) gx`, `k₃ = (Re A + Im A) gy`, real part `k₁ − k₃`, imaginary `k₁ + k₂`.
-//! - A block is one pass over the vertices in pieces that stay in the cache, and the pass ends with
-//!   the spectrum that the next block starts from.
+//! - A block is one pass over the vertices, in pieces that stay in the cache. The pass ends by
+//!   computing the spectrum from which the next block starts.
 //!
-//! Cost per block: `11 V C²` multiply-adds for `K = C`, at 95 % of what the processor can multiply and add
-//! ([`Panels`]). Several feature fields over the same mesh (frames) share the reading of the operators.
+//! Cost per block: `11 V C²` multiply-adds for `K = C`, at 95 % of the processor's peak rate (see
+//! `nn::panels`). Several feature fields over the same mesh (frames) share the reading of the
+//! operators.
 
 use std::ops::Range;
 
@@ -36,7 +37,7 @@ pub struct DiffusionNetShape {
     pub inputs: usize,
     /// Channels of the output.
     pub outputs: usize,
-    /// Channels `C` inside.
+    /// Channels `C` inside the blocks.
     pub width: usize,
     /// Number of blocks.
     pub blocks: usize,
@@ -66,7 +67,7 @@ impl DiffusionNet {
         })
     }
 
-    /// The layer in front of the blocks, for callers that feed them piece by piece.
+    /// The layer before the blocks, for callers that feed the blocks piece by piece.
     pub fn first_lin(&self) -> &Linear {
         &self.first_lin
     }
@@ -87,8 +88,8 @@ impl DiffusionNet {
         })
     }
 
-    /// [`DiffusionNet::forward`] from what `first` writes instead of the first layer: it gets the
-    /// number of a field and a range of vertices and fills `[rows, C]`.
+    /// [`DiffusionNet::forward`] with `first` in place of the first layer. `first` gets the number
+    /// of a field and a range of vertices, and fills `[rows, C]`.
     pub fn forward_from(
         &self,
         batch: usize,

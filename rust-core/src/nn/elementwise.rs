@@ -1,7 +1,8 @@
 //! Activation functions as plain loops that the compiler vectorises.
 //!
-//! `pulp` picks the widest instruction set at run time. The approximations use only `+ − × ÷` and
-//! bit operations; their errors against double precision are measured in the tests below.
+//! `pulp` picks the widest instruction set at run time. The approximations use only `+ − × ÷`,
+//! clamping and bit operations. Their errors against double precision are measured in the tests
+//! below.
 
 /// Runs a loop compiled for the widest instructions that the CPU has.
 #[inline(always)]
@@ -49,12 +50,12 @@ pub fn erf(x: f32) -> f32 {
     x * p / q
 }
 
-/// `eˣ` for `x` of at most 0 or little more; relative error below 1e-6, 0 below −87.
+/// `eˣ` with a relative error below 1e-6; `x` is clamped to −87 to 88.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
-    // The nearest integer n to x / ln 2, found by adding and subtracting 1.5 · 2²³: the sum's last
-    // bits are n. This needs no conversion, which would keep a loop from being vectorised.
+    // Adding and subtracting 1.5 · 2²³ gives the integer n nearest to x / ln 2: the sum's last bits
+    // are n. This avoids a conversion, which would keep a loop from being vectorised.
     let magic = 12_582_912.0f32;
     let sum = x * std::f32::consts::LOG2_E + magic;
     let n = sum - magic;
@@ -76,7 +77,7 @@ pub fn gelu(x: f32) -> f32 {
     0.5 * x * (1.0 + erf(x * std::f32::consts::FRAC_1_SQRT_2))
 }
 
-/// `1 / (1 + e⁻ˣ)`: the probability of a logit, by the system's own exponential.
+/// `1 / (1 + e⁻ˣ)`: the probability of a logit, with the standard library's exponential.
 pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
 }
@@ -103,7 +104,7 @@ pub fn silu_all(values: &mut [f32]) {
     );
 }
 
-/// `slopes` times that of SiLU at `x`, of equal length.
+/// Multiplies `slopes` by the slopes of SiLU at `x`, of equal length.
 pub fn silu_slopes(slopes: &mut [f32], x: &[f32]) {
     assert_eq!(slopes.len(), x.len());
     vectorised(
@@ -154,7 +155,7 @@ pub fn add_to_rows(values: &mut [f32], row: &[f32]) {
 
 /// Softmax of one row, in place; `−∞` gets the weight 0.
 ///
-/// A row of only `−∞` would become NaN: callers give every row at least one finite value.
+/// A row of only `−∞` would become NaN, so callers give every row at least one finite value.
 pub fn softmax(row: &mut [f32]) {
     vectorised(
         #[inline(always)]
@@ -170,7 +171,7 @@ pub fn softmax(row: &mut [f32]) {
     );
 }
 
-/// `Σ f(x)` in 16 independent lanes, which vectorises and always sums in the same order.
+/// `Σ f(x)` in 16 independent lanes: the loop vectorises and always sums in the same order.
 #[inline(always)]
 pub(crate) fn sum_of(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     let mut sums = [0.0f32; 16];

@@ -1,4 +1,4 @@
-//! Feature-wise linear modulation of what a layer adds; twin of `training/nn/film.py`.
+//! Feature-wise linear modulation of the values that a layer adds; twin of `training/nn/film.py`.
 
 use ndarray::{Array2, ArrayRef2};
 
@@ -9,14 +9,14 @@ use super::{
 };
 use crate::{Result, models::Weights};
 
-/// Scale and shift from a condition, Perez et al. 2018.
+/// Computes scale and shift from a condition, Perez et al. 2018.
 #[derive(Debug, Clone)]
 pub struct Film {
     linear: Linear,
     places: usize,
 }
 
-/// Scale and shift of one place, `[C]` each.
+/// Scale and shift at one place in the network, `[C]` each.
 #[derive(Debug, Clone)]
 pub struct Modulation {
     scale: Vec<f32>,

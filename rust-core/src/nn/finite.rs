@@ -1,10 +1,10 @@
-//! Numbers that are none: refused where they come in, and where results would carry them out.
+//! Rejects NaN and infinity, both in input and in results.
 
 use ndarray::ArrayViewD;
 
 use crate::{Error, Result};
 
-/// Refuses values from outside that are not finite. `values`: frames or rows first.
+/// Rejects input that is not finite. The first axis of `values` is frames or rows.
 ///
 /// # Errors
 /// `InvalidInput` that names the first frame.
@@ -17,7 +17,7 @@ pub(crate) fn check_finite(what: &str, values: ArrayViewD<'_, f32>) -> Result<()
     }
 }
 
-/// Holds a result back that is not finite: it came of numbers that are too large for single precision.
+/// Rejects a result that is not finite: its input was too large for single precision.
 ///
 /// # Errors
 /// `Numerics` that names the first frame.

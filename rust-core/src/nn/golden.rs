@@ -34,7 +34,7 @@ impl Golden {
         Self::read(path_of(""), name)
     }
 
-    /// From the parity files, where they are.
+    /// From the parity files in the shared folder, `$ANYFACE_SHARED` or beside the workspace.
     pub fn open_shared(name: &str) -> Self {
         let shared = match std::env::var_os("ANYFACE_SHARED") {
             Some(folder) => PathBuf::from(folder),
@@ -55,8 +55,8 @@ impl Golden {
         self.arrays.pp("weights")
     }
 
-    /// Writes the arrays whose names start with `prefix` as a file of their own, without it; `edit` may change name,
-    /// shape and values of each.
+    /// Writes the arrays whose names start with `prefix` to a file of their own and strips the
+    /// prefix. `edit` may change name, shape and values of each.
     pub fn write_arrays(&self, prefix: &str, path: &Path, edit: impl Fn(Named) -> Named) {
         let arrays: Vec<_> = self
             .names()
@@ -157,7 +157,7 @@ pub(crate) fn distance<'a>(
     }
 }
 
-/// Numbers that no config has a use for.
+/// Numbers that make no sense in a config.
 const ABSURD: [&str; 6] = [
     "0",
     "-1",
@@ -167,7 +167,8 @@ const ABSURD: [&str; 6] = [
     "0.5",
 ];
 
-/// Seeds of [`damage`], as many as the tests of damaged models have: `ANYFACE_MUTATIONS` from `ANYFACE_MUTATIONS_FROM`.
+/// Seeds of [`damage`] for the tests of damaged models: `ANYFACE_MUTATIONS` seeds (12 by default),
+/// starting at `ANYFACE_MUTATIONS_FROM` (0 by default).
 pub(crate) fn seeds() -> Range<u64> {
     let number = |name: &str, usual: u64| {
         let set = std::env::var(name).ok();
@@ -177,7 +178,8 @@ pub(crate) fn seeds() -> Range<u64> {
     from..from + number("ANYFACE_MUTATIONS", 12)
 }
 
-/// Damages a file in one to four places that `seed` chooses: a byte, or a whole number of a text.
+/// Damages a file in one to four places that `seed` chooses: replaces a byte or, in a text file, a
+/// whole number.
 pub(crate) fn damage(path: &Path, seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut bytes = std::fs::read(path).unwrap();

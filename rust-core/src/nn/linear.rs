@@ -59,7 +59,7 @@ impl Linear {
         self.bias.as_slice().expect("a vector is contiguous")
     }
 
-    /// The layer that yields the output channels `start..start + count` alone.
+    /// A layer with only the output channels `start..start + count`.
     pub fn columns(&self, start: usize, count: usize) -> Self {
         let range = ndarray::s![.., start..start + count];
         Linear {
@@ -76,7 +76,7 @@ impl Linear {
         self.forward_then(x, |_| ())
     }
 
-    /// [`Linear::forward`] and then `finish` on each block of rows while it is in the cache.
+    /// [`Linear::forward`], then `finish` on each block of rows while it is in the cache.
     pub fn forward_then(
         &self,
         x: &ArrayRef2<f32>,
@@ -96,8 +96,8 @@ impl Linear {
         add_to_rows(out, self.bias());
     }
 
-    /// `x`: `[in]`; writes `[out]`. One row, always in the same order: for sound that arrives in
-    /// pieces, where a product of matrices would have only one row to work on.
+    /// `x`: `[in]`; writes `[out]`. Sums one row, always in the same order. For sound that arrives
+    /// in pieces, where a matrix product would have only one row.
     pub fn forward_row(&self, x: &[f32], out: &mut [f32]) {
         assert_eq!((x.len(), out.len()), (self.inputs(), self.outputs()));
         out.copy_from_slice(self.bias());

@@ -6,7 +6,7 @@ use faer::{Accum, MatMut, MatRef, Par, linalg::matmul::matmul};
 use ndarray::{Array2, ArrayRef2};
 use rayon::prelude::*;
 
-/// A view of a row-major array as faer sees it.
+/// A faer view of a row-major array.
 ///
 /// # Panics
 /// If the array is not in standard layout.
@@ -54,7 +54,7 @@ pub fn product_add(out: MatMut<'_, f32>, lhs: MatRef<'_, f32>, rhs: MatRef<'_, f
     matmul(out, Accum::Add, lhs, rhs, 1.0, Par::Seq);
 }
 
-/// Rows that one piece of parallel work takes: an eighth, at least 16 and at most 512.
+/// Rows of one piece of parallel work: an eighth of `rows`, at least 16 and at most 512.
 ///
 /// It depends on `rows` alone, so results do not depend on the number of threads.
 pub fn rows_per_block(rows: usize) -> usize {

@@ -1,4 +1,4 @@
-//! Two linear layers with SiLU between them, as behind embeddings.
+//! Two linear layers with SiLU between them, as used after embeddings.
 
 use ndarray::{Array2, ArrayRef2};
 
@@ -30,7 +30,7 @@ impl Mlp {
         self.linear2.forward(&hidden)
     }
 
-    /// Of the sinusoids of a diffusion step, `[width]`.
+    /// Applies the layers to the sinusoids of a diffusion step. Returns `[width]`.
     pub fn of_timestep(&self, timestep: usize) -> Vec<f32> {
         let inputs = self.linear1.inputs();
         let sinusoids = timestep_embedding(timestep, inputs);

@@ -1,11 +1,12 @@
 //! Products with a matrix that is packed once and used for many rows.
 //!
-//! The right operand lies in panels of at most 64 columns, of which 128 rows fill two thirds of a
-//! first-level cache of 48 KB; the left one is read as it lies. Six rows of four registers are summed at once,
-//! so that with AVX-512 each step loads 10 values for 24 multiply-adds. Biases and ReLU are applied while the
+//! The right operand is stored in panels of 16 columns. With AVX-512 up to four panels are
+//! multiplied at once; 128 rows of these 64 columns fill two thirds of a first-level cache of
+//! 48 KB. The left operand is read in place. Six rows of four registers are summed at once, so with
+//! AVX-512 each step loads 10 values for 24 multiply-adds. Biases and ReLU are applied while the
 //! sums are in the registers.
 //!
-//! Each sum runs over the depth in ascending order whatever the cut into rows, so that a row's result
+//! Each sum runs over the depth in ascending order, however the rows are cut. So a row's result
 //! does not depend on the rows around it.
 
 use std::array;
@@ -18,7 +19,8 @@ const PANEL: usize = 16;
 /// Rows that are summed at once.
 const ROWS: usize = 6;
 
-/// A matrix `[depth, columns]`, packed: `[panels, depth]` rows of 16 columns, the last panel filled up with zeros.
+/// A packed matrix `[depth, columns]`: `[panels, depth]` rows of 16 columns. Zeros fill up the last
+/// panel.
 #[derive(Debug, Clone)]
 pub struct Panels {
     depth: usize,
@@ -26,28 +28,28 @@ pub struct Panels {
     rows: Vec<PanelRow>,
 }
 
-/// One line of the cache.
+/// One row of a panel, as large as a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct PanelRow([f32; PANEL]);
 
-/// What a product is added to.
+/// The values to which a product is added.
 #[derive(Debug, Clone, Copy)]
 pub enum Start<'a> {
-    /// Nothing: the output is overwritten.
+    /// Zero: the output is overwritten.
     Zero,
     /// The same row everywhere, `[columns]`: a layer's bias.
     Row(&'a [f32]),
-    /// What the output holds.
+    /// The present values of the output.
     Output,
-    /// What the output holds, and the same row everywhere.
+    /// The present values of the output plus the same row everywhere.
     OutputAndRow(&'a [f32]),
 }
 
-/// What is done with a sum before it is written.
+/// The function applied to a sum before it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Finish {
-    /// Nothing.
+    /// No function.
     Plain,
     /// `max(x, 0)`.
     Relu,
@@ -71,7 +73,7 @@ impl Panels {
         }
     }
 
-    /// The matrix `[columns, depth]`, packed.
+    /// The transposed matrix `[columns, depth]`, packed.
     pub fn transposed(&self) -> Self {
         let mut rows: Vec<f32> = vec![0.0; self.columns * self.depth];
         for (column, row) in rows.chunks_exact_mut(self.depth.max(1)).enumerate() {
@@ -125,7 +127,7 @@ struct Product<'a> {
 impl WithSimd for Product<'_> {
     type Output = ();
 
-    /// As many columns at once as leave the sums of the rows in the registers.
+    /// Takes as many columns at once as keep the sums of the rows in registers.
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let panels = self.rhs.columns.div_ceil(PANEL);
@@ -145,7 +147,7 @@ impl WithSimd for Product<'_> {
 }
 
 impl Product<'_> {
-    /// All rows of `P` panels of `R` registers each. Returns `P`.
+    /// Computes all rows of `P` panels of `R` registers each. Returns `P`.
     #[inline(always)]
     fn columns<S: Simd, const P: usize, const R: usize>(&mut self, simd: S, panel: usize) -> usize {
         let rows = self.out.len() / self.rhs.columns;
@@ -159,7 +161,7 @@ impl Product<'_> {
         P
     }
 
-    /// `N` rows of these panels.
+    /// Computes `N` rows of these panels.
     #[inline(always)]
     fn block<S: Simd, const N: usize, const P: usize, const R: usize>(
         &mut self,
@@ -241,7 +243,7 @@ fn write<S: Simd, const P: usize, const R: usize>(
     }
 }
 
-/// [`write`] where the row ends within the panels.
+/// [`write`] for a row that ends within the panels.
 #[inline(always)]
 fn write_narrow<S: Simd, const P: usize, const R: usize>(
     simd: S,
@@ -294,7 +296,8 @@ mod tests {
             .collect()
     }
 
-    /// Rows and columns that are and are not multiples of what is summed at once.
+    /// Rows and columns, some of them multiples of the numbers that are summed at once and some
+    /// not.
     const SIZES: [[usize; 3]; 9] = [
         [1, 1, 1],
         [7, 9, 23],

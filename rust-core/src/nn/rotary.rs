@@ -22,10 +22,10 @@ pub struct RotaryAttention {
     out: Linear,
 }
 
-/// Keys and values of a memory: computed once, used at every denoising step.
+/// Keys and values of a memory. They are computed once and used at every denoising step.
 #[derive(Debug, Clone)]
 pub struct RotaryMemory {
-    /// `[T, inner]`, turned by their frames.
+    /// `[T, inner]`, each row rotated according to its frame.
     keys: Array2<f32>,
     /// `[T, inner]`.
     values: Array2<f32>,
@@ -35,7 +35,8 @@ impl RotaryAttention {
     /// Reads `query`, `key`, `value` `[inner, width]` and `out` `[width, inner]`, each with a bias.
     ///
     /// # Errors
-    /// `Weights` if one is missing or has another shape, or `inner` is no multiple of `2 · heads`.
+    /// `Weights` if one is missing or has another shape, or `inner` is not a multiple of
+    /// `2 · heads`.
     pub fn load(weights: &Weights, width: usize, inner: usize, heads: usize) -> Result<Self> {
         if heads == 0 || !inner.is_multiple_of(2 * heads) {
             return Err(Error::Weights(format!(
@@ -90,7 +91,8 @@ impl RotaryAttention {
         self.forward(x, &self.memory(x), None)
     }
 
-    /// The same where row `i` sees itself and `look_back − 1` rows before it.
+    /// Attention of `x` to itself where row `i` sees only itself and the `look_back − 1` rows
+    /// before it.
     pub fn forward_behind(&self, x: &ArrayRef2<f32>, look_back: usize) -> Array2<f32> {
         let reach = Reach {
             behind: look_back.saturating_sub(1),
@@ -100,7 +102,8 @@ impl RotaryAttention {
     }
 }
 
-/// Turns numbers `k` and `k + D/2` of each head of frame `t` by `t · BASE^(−2k/D)`, in place.
+/// Rotates channels `k` and `k + D/2` of each head (`D` channels) in frame `t` by
+/// `t · BASE^(−2k/D)`, in place.
 fn turn(x: &mut Array2<f32>, heads: usize) {
     let inner = x.ncols();
     let half = inner / heads / 2;

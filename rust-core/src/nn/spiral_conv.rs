@@ -1,10 +1,10 @@
 //! SpiralConv3D: a convolution over a surface and the latest frames, one frame at a time.
 //!
 //! EmoFace (Lin et al. 2025, eq. 1 to 3): `W f(cnt_δ(k-disk(v))) + b`, where `f` gathers the
-//! vertices of a spiral in the last δ frames; frames before the first are zero. Its input is the
-//! sum of a row for the frame and a row for the vertex, so that the convolution splits. The part of
-//! the surface is computed once, the part of time is one row a frame, and memory grows only with
-//! the vertices. Twin of `training/nn/spiral_conv.py`.
+//! vertices of a spiral in the last δ frames; frames before the first are zero. The input is the
+//! sum of a row for the frame and a row for the vertex, so the convolution splits into two parts.
+//! The surface part is computed once. The time part is one row per frame. So memory grows only with
+//! the number of vertices. Twin of `training/nn/spiral_conv.py`.
 
 use std::collections::VecDeque;
 
@@ -15,13 +15,13 @@ use crate::{Error, Result, models::Weights};
 /// The convolution of `in_time[t] + on_surface[v]`.
 #[derive(Debug, Clone)]
 pub struct SpiralConv {
-    /// `[δ, out, in]`, the oldest frame first: taps of a frame summed.
+    /// `[δ, out, in]`, oldest frame first, with the taps of each frame summed.
     in_time: Array3<f32>,
-    /// `[δ + 1, V, out]`: the part of the surface and the bias after 0 to δ frames.
+    /// `[δ + 1, V, out]`: the surface part plus the bias after 0 to δ frames.
     on_surface: Array3<f32>,
 }
 
-/// The frames before, the oldest first.
+/// Rows of the latest frames, oldest first.
 pub type PastFrames = VecDeque<Vec<f32>>;
 
 impl SpiralConv {
@@ -30,7 +30,8 @@ impl SpiralConv {
     /// `on_surface`: `[V, in]`. `spirals`: `[V, kernel]` numbers of vertices.
     ///
     /// # Errors
-    /// `Weights` if an array is missing or has another shape, or a spiral names a vertex that is not there.
+    /// `Weights` if an array is missing or has another shape, or a spiral names a vertex that does
+    /// not exist.
     pub fn load(
         weights: &Weights,
         spirals: &Array2<usize>,
@@ -70,7 +71,7 @@ impl SpiralConv {
         })
     }
 
-    /// The part of time in the next frame, `[out]`, the same for every vertex. `row`: `[in]`.
+    /// The time part of the next frame, `[out]`, the same for every vertex. `row`: `[in]`.
     pub fn step_in_time(&self, row: &[f32], past: &mut PastFrames) -> Vec<f32> {
         let delta = self.in_time.len_of(Axis(0));
         if past.len() == delta {
@@ -87,7 +88,7 @@ impl SpiralConv {
         moved
     }
 
-    /// A frame `[V, out]` from its part of time. `frames`: number of frames so far, δ at most.
+    /// A frame `[V, out]` from its time part. `frames`: number of frames so far, at most δ.
     pub fn over_surface(&self, in_time: &[f32], frames: usize) -> Array2<f32> {
         let mut out = self.on_surface.index_axis(Axis(0), frames).to_owned();
         for mut vertex in out.rows_mut() {
@@ -98,12 +99,12 @@ impl SpiralConv {
         out
     }
 
-    /// Channels of a frame.
+    /// Number of output channels.
     pub fn outputs(&self) -> usize {
         self.on_surface.len_of(Axis(2))
     }
 
-    /// δ.
+    /// δ, the number of frames that the convolution covers.
     pub fn delta(&self) -> usize {
         self.in_time.len_of(Axis(0))
     }

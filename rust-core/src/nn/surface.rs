@@ -1,4 +1,4 @@
-//! What a surface contributes to a network that lives on it.
+//! The operators that a network on a surface needs.
 
 use ndarray::{Array1, Array2};
 
@@ -7,11 +7,12 @@ use crate::{Error, Result};
 /// A sparse matrix entry: row, column, value.
 pub type Entry = (usize, usize, f32);
 
-/// Spectral operators of one surface, in one unit of length.
+/// Spectral operators of one surface, all in the same unit of length.
 ///
-/// The tangent gradients are stored applied to the eigenvectors: whatever a network differentiates
-/// is smooth, `Φ y` with few coefficients `y`, so that `G Φ y` is a dense product and no gather over
-/// neighbours remains. Costs `2 V K` numbers (27 MB at 26,719 vertices and K = 128).
+/// The tangent gradients are stored already applied to the eigenvectors, `G Φ`. A network
+/// differentiates only smooth functions `Φ y` with few coefficients `y`, so `G Φ y` is a dense
+/// product and needs no gather over neighbours. Costs `2 V K` numbers (27 MB at 26,719 vertices and
+/// K = 128).
 #[derive(Debug, Clone)]
 pub struct Surface {
     /// `[V]`, lumped vertex areas.
@@ -27,8 +28,8 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// From the operators of a mesh; `grad_x` and `grad_y` are the entries of sparse `[V, V]`
-    /// matrices in any tangent frame, duplicates added.
+    /// From the operators of a mesh. `grad_x` and `grad_y` are the entries of sparse `[V, V]`
+    /// matrices in any tangent frame; duplicate entries add up.
     ///
     /// # Errors
     /// `ShapeMismatch` if the sizes disagree or an entry lies outside.

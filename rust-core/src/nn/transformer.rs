@@ -38,7 +38,7 @@ pub struct DecoderShape {
     pub norm: NormOrder,
 }
 
-/// One layer under the names of PyTorch's `nn.TransformerDecoderLayer`, exact GELU, no dropout.
+/// One layer with the names of PyTorch's `nn.TransformerDecoderLayer`, exact GELU and no dropout.
 #[derive(Debug, Clone)]
 pub struct DecoderLayer {
     order: NormOrder,

@@ -1,4 +1,4 @@
-//! From a mesh to its operators: which vertices take part, and under which row.
+//! Builds the operators of a mesh: chooses the vertices that take part and numbers their rows.
 
 use glam::DVec3;
 
@@ -8,15 +8,16 @@ use crate::{
     mesh::{Mesh, Parts, parts::weld_seams},
 };
 
-/// Row of a vertex that has none.
+/// Marks a vertex that has no row.
 pub const NO_ROW: u32 = u32::MAX;
 
 /// How operators are built.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OperatorOptions {
-    /// Share of the mean edge length by which triangle inequalities are made strict; at least 0.
+    /// Share of the mean edge length by which triangle inequalities are made strict; at least 0,
+    /// below 1.
     pub mollify: f64,
-    /// Sews up vertices split along texture seams, see [`weld_seams`].
+    /// Whether to sew up vertices that are split along texture seams, see [`weld_seams`].
     pub weld: bool,
     /// Vertices that welding leaves alone.
     pub keep_apart: Vec<u32>,
@@ -32,10 +33,10 @@ impl Default for OperatorOptions {
     }
 }
 
-/// Operators of a mesh or of some of its faces. `R` rows: vertices in no face have none, vertices
-/// sewn together share one.
+/// Operators of a mesh or of some of its faces, with `R` rows. Vertices in no face have no row;
+/// vertices sewn together share one.
 ///
-/// Scaling the mesh by `s` leaves the Laplacian and scales masses by `s²`.
+/// Scaling the mesh by `s` leaves the Laplacian unchanged and scales masses by `s²`.
 #[derive(Debug, Clone)]
 pub struct Operators {
     /// `[V]`, row of each mesh vertex or [`NO_ROW`].
@@ -44,7 +45,7 @@ pub struct Operators {
     pub vertex_of_row: Vec<u32>,
     /// `[R]`, mesh units.
     pub positions: Vec<DVec3>,
-    /// `[F']`, rows; faces with repeated corners are left out.
+    /// `[F']`, corners as rows; faces with repeated corners are left out.
     pub triangles: Vec<[u32; 3]>,
     /// `[R, R]`, weak Laplacian: symmetric, positive semi-definite, rows sum to zero, unitless.
     pub laplacian: Csr,
@@ -59,7 +60,8 @@ impl Operators {
     /// Operators of the whole mesh.
     ///
     /// # Errors
-    /// `Mesh` without a usable face; `InvalidInput` for options out of range.
+    /// `Mesh` if no face is usable, a vertex has no area or a weight is infinite; `InvalidInput`
+    /// for options out of range.
     pub fn new(mesh: &Mesh, options: &OperatorOptions) -> Result<Operators> {
         build(mesh, &mesh.triangles, options)
     }
@@ -133,7 +135,7 @@ fn is_proper(t: [u32; 3]) -> bool {
     t[0] != t[1] && t[1] != t[2] && t[2] != t[0]
 }
 
-/// Rows go to vertices with a proper face, in vertex order.
+/// Gives a row to each vertex with a proper face, in vertex order.
 fn number_rows(welded: &[u32], faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut used = vec![false; welded.len()];
     for t in faces.iter().map(|t| t.map(|v| welded[v as usize])) {

@@ -1,4 +1,4 @@
-//! Sparse Cholesky with a kept factorisation, over faer.
+//! Sparse Cholesky by faer: a matrix is factored once and solved many times.
 //!
 //! faer chooses between the simplicial and the supernodal method; the ordering is AMD.
 //! Triangular solves run one thread per block of columns: faer's own parallel solve was measured
@@ -24,7 +24,7 @@ use crate::{Error, Result};
 /// Columns solved together by one thread.
 const COLUMNS_PER_TASK: usize = 16;
 
-/// Shares of itself by which a diagonal grows, one after the other, until a matrix can be factored.
+/// Shares of the diagonal to add to it, tried in this order until the matrix can be factored.
 const GROWTH: [f64; 4] = [1e-12, 1e-10, 1e-8, 1e-6];
 
 /// `A = P L Lᵀ Pᵀ` of a symmetric positive definite matrix.
@@ -42,7 +42,7 @@ impl std::fmt::Debug for SparseCholesky {
 }
 
 impl SparseCholesky {
-    /// Factors `matrix`, of which only the upper triangle is read.
+    /// Factors `matrix`; only its upper triangle is read.
     ///
     /// # Errors
     /// `ShapeMismatch` if it is not square; `Numerics` if it is not positive definite, or not
@@ -56,7 +56,7 @@ impl SparseCholesky {
                 got: format!("[{size}, {}]", matrix.ncols),
             });
         }
-        // The upper triangle by rows is the lower one by columns.
+        // The upper triangle stored by rows is the lower triangle stored by columns.
         let (indptr, indices, values) = upper_triangle(matrix);
         let lower = SparseColMatRef::new(
             SymbolicSparseColMatRef::new_checked(size, size, &indptr, None, &indices),
@@ -65,9 +65,9 @@ impl SparseCholesky {
         factor_lower(lower, size)
     }
 
-    /// [`SparseCholesky::factor`] of a matrix that is positive definite but for rounding, as on meshes of
-    /// slivers and needles: where a pivot is not positive, the diagonal grows by 1e-12 of itself, then by a
-    /// hundred times more, up to 1e-6.
+    /// [`SparseCholesky::factor`] of a matrix that is positive definite except for rounding, as on
+    /// meshes of slivers and needles. If that fails with `Numerics`, the diagonal grows by 1e-12 of
+    /// itself, then by a hundred times more at each further try, up to 1e-6.
     ///
     /// # Errors
     /// Those of [`SparseCholesky::factor`] with the largest growth.
@@ -174,7 +174,7 @@ fn factor_lower(lower: SparseColMatRef<'_, usize, f64>, size: usize) -> Result<S
 mod tests {
     use super::*;
 
-    /// A path graph's Laplacian plus the identity.
+    /// The tridiagonal matrix with rows −1, 3, −1.
     fn path(n: usize) -> Csr {
         let mut entries = Vec::new();
         for i in 0..n as u32 {

@@ -12,14 +12,14 @@ use crate::{
     cache::{Arrays, Cache, CacheKey},
 };
 
-/// Raised when the computation changes its results.
+/// Raise this when the computation changes its results.
 const VERSION: u32 = 1;
 
 /// The first eigenpairs of `L φ = λ M φ`.
 ///
-/// The sign of each vector makes its largest entry positive, the first of several. Vectors of a
-/// multiple eigenvalue are any orthonormal basis of their space. Those of eigenvalue zero are the
-/// constants of each connected part, in order of parts.
+/// The sign of each vector makes its largest entry positive, or the first of several equally large.
+/// The vectors of a multiple eigenvalue are any orthonormal basis of their space. The vectors of
+/// eigenvalue zero are the constants of each connected part, in order of parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Eigenbasis {
     /// `[K]`, ascending from zero, one over mesh units squared.
@@ -29,11 +29,11 @@ pub struct Eigenbasis {
 }
 
 impl Operators {
-    /// The `count` smallest eigenpairs, or as many as there are rows.
+    /// The `count` smallest eigenpairs, or all if there are fewer rows.
     ///
     /// Shift-invert block Lanczos with one sparse Cholesky factorisation; small meshes use a dense
-    /// solver. The constants of connected parts are known and stay out of the iteration: otherwise
-    /// a head of 56 parts would need an eigenvalue of multiplicity 56.
+    /// solver. The constants of connected parts are known, so the iteration leaves them out.
+    /// Otherwise it would have to find an eigenvalue of multiplicity 56 for a head of 56 parts.
     ///
     /// # Errors
     /// `InvalidInput` if `count` is 0; `Numerics` if the iteration does not converge.
@@ -62,7 +62,7 @@ impl Operators {
     /// [`Operators::eigenbasis`] through the cache.
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`Operators::eigenbasis`].
     pub fn eigenbasis_cached(&self, count: usize, cache: &Cache) -> Result<Eigenbasis> {
         let key = CacheKey::new("eigenbasis", VERSION)
             .u32s(&[count as u32])
@@ -97,7 +97,7 @@ impl Operators {
                 matrix[(i, j)] = value / (root[i] * root[j]);
             }
         }
-        // Constants move to the far end of the spectrum.
+        // Move the constants to the far end of the spectrum.
         let top = 2.0 * (0..n).map(|i| matrix[(i, i)]).fold(0.0, f64::max) + 1.0 / self.area();
         for vector in self.constants(&root).chunks(n) {
             for i in (0..n).filter(|&i| vector[i] != 0.0) {
@@ -117,7 +117,7 @@ impl Operators {
     }
 
     fn lanczos_pairs(&self, pairs: usize, dimension: usize) -> Result<(Vec<f64>, Vec<f64>)> {
-        // By Weyl's law the last of the eigenvalues is near 4π pairs / area.
+        // By Weyl's law the largest of these eigenvalues is near 4π pairs / area.
         let shift = 0.03 * 4.0 * std::f64::consts::PI * pairs as f64 / self.area();
         let shifted = self.laplacian.add_diagonal(shift, &self.mass)?;
         let operator = ShiftInvert {
@@ -147,7 +147,7 @@ impl Operators {
         vectors
     }
 
-    /// Constants first, then the pairs; from `M^½ φ` to `φ`, by rows.
+    /// Puts the constants before the pairs, turns `M^½ φ` into `φ` and stores the vectors by rows.
     fn assemble(&self, constants: usize, values: &[f64], columns: &[f64]) -> Eigenbasis {
         let (rows, root) = (self.rows(), self.root_mass());
         let mut all = self.constants(&root);
@@ -224,7 +224,7 @@ mod tests {
         Operators::new(mesh, &OperatorOptions::default()).unwrap()
     }
 
-    /// Orthonormality under the mass, and `L φ = λ M φ`.
+    /// Checks orthonormality under the mass, `L φ = λ M φ`, and the signs.
     fn check(ops: &Operators, basis: &Eigenbasis) {
         let (rows, k) = (ops.rows(), basis.values.len());
         let column =

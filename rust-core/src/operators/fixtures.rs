@@ -70,7 +70,7 @@ pub fn icosphere(levels: usize) -> Mesh {
     }
 }
 
-/// The unit square in the xy plane with `n` × `n` cells, diagonals in turn.
+/// The unit square in the xy plane with `n` × `n` cells whose diagonals alternate.
 pub fn square(n: usize) -> Mesh {
     let step = 1.0 / n as f32;
     let at = |i: usize, j: usize| (j * (n + 1) + i) as u32;
@@ -93,7 +93,7 @@ pub fn square(n: usize) -> Mesh {
     mesh
 }
 
-/// Two meshes as one.
+/// Two meshes as one, the second moved by `offset`.
 pub fn joined(a: &Mesh, b: &Mesh, offset: [f32; 3]) -> Mesh {
     let mut out = a.clone();
     let base = a.positions.len() as u32;
@@ -107,7 +107,7 @@ pub fn joined(a: &Mesh, b: &Mesh, offset: [f32; 3]) -> Mesh {
     out
 }
 
-/// All eigenvalues of `L x = λ M x`, ascending, by a dense solver: the slow twin.
+/// All eigenvalues of `L x = λ M x`, ascending, by a dense solver: the slow reference.
 pub fn dense_eigenvalues(operators: &Operators) -> Vec<f64> {
     let n = operators.rows();
     let root: Vec<f64> = operators.mass.iter().map(|m| m.sqrt()).collect();
@@ -166,7 +166,7 @@ impl Golden {
         }
     }
 
-    /// A mesh of two tensors.
+    /// A mesh from two tensors.
     pub fn mesh(&self, positions: &str, triangles: &str) -> Mesh {
         let p = self.numbers(positions);
         let t = self.numbers(triangles);

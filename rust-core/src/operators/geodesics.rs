@@ -1,9 +1,10 @@
 //! Distances along the surface.
 //!
 //! The heat method, Crane, Weischedel and Wardetzky 2013: let heat flow for a short time, follow
-//! its gradient at unit speed, integrate. Runs on the intrinsic Delaunay triangulation of the
-//! tufted cover, so holes, needles and non-manifold edges are survived. The result is smooth and
-//! a few per cent off near sources and the cut locus, with a spacing of the mesh's mean edge.
+//! its gradient at unit speed, integrate. It runs on the intrinsic Delaunay triangulation of the
+//! tufted cover, so it copes with holes, needles and non-manifold edges. The time is the square of
+//! the mean edge length. The result is smooth and a few per cent off near sources and the cut
+//! locus.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -19,7 +20,7 @@ use crate::Result;
 /// Relative size of the mass added to the singular Laplacian; errors stay near 1e-6.
 const SHIFT: f64 = 1e-6;
 
-/// Heat method with kept factorisations: build once, ask often.
+/// Heat method that keeps its factorisations: build once, query often.
 pub struct HeatGeodesics<'a> {
     operators: &'a Operators,
     heat: SparseCholesky,
@@ -59,8 +60,8 @@ impl<'a> HeatGeodesics<'a> {
         self.distances_from_each(&[sources]).remove(0)
     }
 
-    /// [`HeatGeodesics::distance_from`] for several sets at once, which shares the solves.
-    /// Returns one `[R]` a set.
+    /// [`HeatGeodesics::distance_from`] for several sets at once, which share the solves.
+    /// Returns one `[R]` per set.
     ///
     /// # Panics
     /// If a source is not a row.
@@ -83,7 +84,7 @@ impl<'a> HeatGeodesics<'a> {
             .collect()
     }
 
-    /// Shifts each part so that its nearest source is at zero.
+    /// Shifts each connected part so that its lowest source is at zero. All sources become zero.
     fn shifted_to(&self, potential: &[f64], sources: &[u32]) -> Vec<f64> {
         let parts = &self.operators.parts;
         let mut zero = vec![f64::INFINITY; parts.count];
@@ -103,8 +104,8 @@ impl<'a> HeatGeodesics<'a> {
     }
 }
 
-/// Integrated divergence of the unit field along falling heat: the right side of the Poisson
-/// equation, halved as the cover counts everything twice.
+/// Integrated divergence of the unit field along falling heat, which is the right side of the
+/// Poisson equation. It is halved because the cover counts everything twice.
 fn divergence_of_flow(operators: &Operators, heat: &[f64]) -> Vec<f64> {
     let cover = &operators.cover;
     let mut divergence = vec![0.0; heat.len()];
@@ -139,9 +140,9 @@ fn divergence_of_flow(operators: &Operators, heat: &[f64]) -> Vec<f64> {
     divergence
 }
 
-/// Shortest way along edges, and across pairs of triangles, to the nearest of `sources`
-/// (Dijkstra). Cheaper than heat for one question; up to some ten per cent too long. Returns `[R]`,
-/// mesh units; infinite where no way leads.
+/// Length of the shortest path along edges, and across pairs of triangles, to the nearest of
+/// `sources` (Dijkstra). Cheaper than the heat method for a single query, but up to about ten per
+/// cent too long. Returns `[R]`, mesh units; infinite where there is no path.
 ///
 /// # Panics
 /// If a source is not a row.

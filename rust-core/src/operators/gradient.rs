@@ -1,8 +1,8 @@
 //! Tangent frames and the gradient of a function on vertices.
 //!
-//! As the authors of DiffusionNet build them (Sharp et al. 2022, section 3.3): at each vertex the
+//! They follow the authors of DiffusionNet (Sharp et al. 2022, section 3.3): at each vertex the
 //! gradient is the least-squares fit to the differences along the edges of its one-ring, projected
-//! onto the tangent plane, with a small ridge. Differs: normals are weighted by area, so that
+//! onto the tangent plane, with a small ridge. One thing differs: normals are weighted by area, so
 //! slivers do not tilt them.
 
 use glam::DVec3;
@@ -13,7 +13,7 @@ use crate::mesh::direction::unit;
 /// Ridge of the authors' code, for meshes about one unit in size.
 pub const RIDGE: f64 = 1e-5;
 
-/// At each row two tangents and the normal: orthonormal, right-handed.
+/// Two tangents and the normal at a row: orthonormal, right-handed.
 pub type Frame = [DVec3; 3];
 
 /// Gradients as two sparse matrices.
@@ -26,8 +26,8 @@ pub struct TangentGradient {
 }
 
 impl Operators {
-    /// Tangent frames `[R]`: the first tangent is the x axis put into the tangent plane, or the y
-    /// axis where the normal is within 26° of the x axis.
+    /// Tangent frames `[R]`. The first tangent is the x axis projected onto the tangent plane, or
+    /// the y axis where the normal is within 26° of the x axis.
     pub fn tangent_frames(&self) -> Vec<Frame> {
         let mut normals = vec![DVec3::ZERO; self.rows()];
         for &[a, b, c] in &self.triangles {
@@ -40,11 +40,11 @@ impl Operators {
         normals.into_iter().map(frame_of).collect()
     }
 
-    /// The gradient in the given frames. `ridge`: mesh units squared, at least 0; [`RIDGE`] times
-    /// the square of the network's unit of length.
+    /// The gradient in the given frames. `ridge`: mesh units squared, at least 0. For a network,
+    /// use [`RIDGE`] times the square of its unit of length.
     ///
     /// # Panics
-    /// If there is not one frame a row.
+    /// If the number of frames is not the number of rows.
     pub fn tangent_gradient(&self, frames: &[Frame], ridge: f64) -> TangentGradient {
         assert_eq!(frames.len(), self.rows(), "number of frames");
         let (mut x, mut y) = (Vec::new(), Vec::new());
@@ -99,7 +99,7 @@ fn frame_of(normal: DVec3) -> Frame {
     [first, normal.cross(first), normal]
 }
 
-/// `(EᵀE + ridge)⁻¹ Eᵀ`, one pair a row of `E`; zeros where that has no finite value.
+/// `(EᵀE + ridge)⁻¹ Eᵀ`, one pair per row of `E`; zeros where a pair is not finite.
 fn least_squares(edges: &[[f64; 2]], ridge: f64) -> Vec<[f64; 2]> {
     let [mut a, mut b, mut c] = [ridge, 0.0, ridge];
     for e in edges {
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_linear_function_on_a_plane_has_its_slope() {
         let mut mesh = square(7);
-        // Uneven, tilted and far away.
+        // Make the square uneven, tilted and far from the origin.
         for p in &mut mesh.positions {
             *p = [p[0] * p[0] + 10.0, 2.0 * p[1], 0.5 * p[1] + 3.0];
         }

@@ -1,30 +1,30 @@
-//! Triangles known by their edge lengths alone, and flips to the intrinsic Delaunay triangulation.
+//! A surface given by its edge lengths alone, and its intrinsic Delaunay triangulation by flips.
 //!
 //! Sharp, Soliman and Crane 2019, "Navigating intrinsic triangulations"; the glued triangle lists
-//! follow N. Sharp's tutorial on non-manifold Laplacians. Triangles may be glued to themselves and
-//! two triangles may share several edges (a Δ-complex): the tufted cover needs that.
+//! follow N. Sharp's tutorial on non-manifold Laplacians. A triangle may be glued to itself, and two
+//! triangles may share several edges (a Δ-complex), because the tufted cover needs that.
 
 use std::collections::VecDeque;
 
-/// No side is glued here.
+/// The twin of a side that is not glued.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// A flip happens where the mean of the two opposite cotangents is below minus this.
+/// An edge is flipped if the mean of the two opposite cotangents is below minus this.
 const DELAUNAY_SLACK: f64 = 1e-6;
 
-/// Flips per side at which flipping stops: rounding could otherwise turn in circles. The mesh is
-/// valid at any time, so stopping early costs quality and nothing else.
+/// Flipping stops after this many flips per side, because rounding could make it go round in
+/// circles. The mesh is valid at any time, so stopping early costs quality and nothing else.
 const MAX_FLIPS_PER_SIDE: usize = 20;
 
-/// A triangulated surface without boundary, by lengths. Side `3 f + s` runs from corner `s` of
-/// triangle `f` to its next corner.
+/// A triangulated surface without boundary, given by its edge lengths. Side `3 f + s` runs from
+/// corner `s` of triangle `f` to its next corner.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Intrinsic {
     /// `[3 F]`, the vertex at which each side starts.
     pub tail: Vec<u32>,
     /// `[3 F]`, length of each side, mesh units.
     pub length: Vec<f64>,
-    /// `[3 F]`, the side each side is glued to; runs the other way.
+    /// `[3 F]`, the side that each side is glued to, which runs the other way.
     pub twin: Vec<u32>,
 }
 
@@ -33,7 +33,8 @@ pub(crate) fn next(side: usize) -> usize {
     if side % 3 == 2 { side - 2 } else { side + 1 }
 }
 
-/// Area of a triangle by its sides: Kahan's stable form of Heron's formula; zero if impossible.
+/// Area of a triangle with these sides, by Kahan's stable form of Heron's formula; zero if no such
+/// triangle exists.
 pub(crate) fn area(mut l: [f64; 3]) -> f64 {
     l.sort_unstable_by(|x, y| y.total_cmp(x));
     let [a, b, c] = l;
@@ -60,8 +61,8 @@ impl Intrinsic {
         [self.tail[3 * f], self.tail[3 * f + 1], self.tail[3 * f + 2]]
     }
 
-    /// Cotangent of the angle opposite each side of triangle `f`. A triangle without area has
-    /// huge but finite ones.
+    /// Cotangent of the angle opposite each side of triangle `f`. They are huge but finite for a
+    /// triangle without area.
     pub fn cotangents(&self, f: usize) -> [f64; 3] {
         let l = self.lengths(f);
         let squared = l.map(|x| x * x);
@@ -74,7 +75,7 @@ impl Intrinsic {
         self.cotangents(side / 3)[side % 3]
     }
 
-    /// Flips until every pair of triangles is Delaunay. Returns the number of flips.
+    /// Flips edges until every pair of triangles is Delaunay. Returns the number of flips.
     pub fn flip_to_delaunay(&mut self) -> usize {
         let sides = self.tail.len();
         let mut queue: VecDeque<u32> = (0..sides as u32).collect();
@@ -104,8 +105,8 @@ impl Intrinsic {
         flips
     }
 
-    /// After a flip of `side`, its old neighbour holds the other half of the new diagonal. The
-    /// new diagonal is side 1 of both triangles.
+    /// The other triangle at the diagonal that a flip of `side` made. The new diagonal is side 1 of
+    /// both triangles.
     fn twin_triangle(&self, side: usize) -> usize {
         self.twin[3 * (side / 3) + 1] as usize / 3
     }
@@ -119,7 +120,7 @@ impl Intrinsic {
         0.5 * sum >= -DELAUNAY_SLACK
     }
 
-    /// Swaps the diagonal of the two triangles beside `side`; `false` where that is impossible.
+    /// Swaps the diagonal of the two triangles beside `side`. Returns `false` if that is impossible.
     fn flip(&mut self, side: usize) -> bool {
         let other = self.twin[side] as usize;
         let (f, g) = (side / 3, other / 3);
@@ -129,7 +130,7 @@ impl Intrinsic {
         let Some(diagonal) = self.other_diagonal(side, other) else {
             return false;
         };
-        // f was (a, b, p), g was (b, a, q); they become (a, q, p) and (b, p, q).
+        // f was (a, b, p) and g was (b, a, q). They become (a, q, p) and (b, p, q).
         let outer = [next(other), next(next(side)), next(side), next(next(other))];
         let places = [3 * f, 3 * f + 2, 3 * g, 3 * g + 2];
         let [aq, pa, bp, qb] = outer.map(|s| (self.tail[s], self.length[s], self.twin[s]));
@@ -151,7 +152,8 @@ impl Intrinsic {
         true
     }
 
-    /// Length of the other diagonal when both triangles lie flat; `None` if it has no sane value.
+    /// Length of the other diagonal when both triangles lie flat; `None` unless it is finite and
+    /// positive.
     fn other_diagonal(&self, side: usize, other: usize) -> Option<f64> {
         let l = |s: usize| self.length[s];
         let base = l(side);
@@ -162,8 +164,8 @@ impl Intrinsic {
     }
 }
 
-/// Third corner of a triangle with corners (0, 0) and (`base`, 0), at distance `near` from the
-/// second and `far` from the first of them; above the axis.
+/// Third corner of a triangle with corners (0, 0) and (`base`, 0). It lies above the axis, at
+/// distance `far` from the first corner and `near` from the second.
 pub(crate) fn apex(base: f64, near: f64, far: f64) -> [f64; 2] {
     let x = (base * base + (far - near) * (far + near)) / (2.0 * base);
     let y = 2.0 * area([base, near, far]) / base;

@@ -1,12 +1,12 @@
 //! Thick-restart block Lanczos: the largest eigenpairs of a symmetric operator.
 //!
-//! Wu and Simon 2000, in blocks, with full reorthogonalisation (classical Gram–Schmidt, twice), so
-//! that no lost orthogonality needs tracking. The projected matrix comes from the inner products
-//! themselves, so that a restart needs no special form.
+//! A block version of Wu and Simon 2000. It reorthogonalises fully (classical Gram–Schmidt, twice),
+//! so it need not track lost orthogonality. It fills the projected matrix with the inner products
+//! themselves, so a restart needs no special form.
 //!
-//! A block of `b` vectors sees at most `b` copies of an eigenvalue in exact arithmetic. The caller
-//! passes the known eigenvectors of high multiplicity (`locked`), and all work stays orthogonal to
-//! them.
+//! In exact arithmetic, a block of `b` vectors finds at most `b` copies of an eigenvalue. The caller
+//! therefore passes the known eigenvectors of high multiplicity (`locked`), and all work stays
+//! orthogonal to them.
 
 use faer::{Accum, Mat, MatMut, MatRef, Side, linalg::matmul::matmul};
 use rand::{Rng, SeedableRng};
@@ -15,26 +15,29 @@ use rand_chacha::ChaCha8Rng;
 use super::threads::threads;
 use crate::{Error, Result};
 
-/// Vectors that grow together.
+/// Vectors that each step adds to the basis.
 pub(crate) const BLOCK: usize = 8;
-/// Restarts after which the method counts as failed; meshes take two or three.
+/// The method fails after this many restarts. Meshes take two or three.
 const MAX_RESTARTS: usize = 40;
-/// Residual of an eigenpair relative to its eigenvalue. Eigenvalues are then exact to its square.
+/// Largest accepted residual of an eigenpair, relative to its eigenvalue. The relative error of the
+/// eigenvalue is then about the square of this.
 const TOLERANCE: f64 = 1e-9;
-/// A vector that orthogonalisation shrinks below this share of itself was dependent.
+/// A vector counts as linearly dependent if orthogonalisation shrinks it below this share of its
+/// length.
 const DEPENDENT: f64 = 1e-12;
 
 /// A symmetric operator on vectors of `size` numbers.
 pub(crate) trait SymmetricOperator {
     fn size(&self) -> usize;
-    /// Applies itself to each column of `block`, column-major, in place.
+    /// Applies the operator in place to each column of `block`, which is column-major.
     fn apply(&self, block: &mut [f64]);
 }
 
 /// The `count` largest eigenvalues, descending, and their orthonormal vectors, column-major.
-/// `locked`: known orthonormal eigenvectors, column-major, which are left out. `dimension`: most
-/// vectors of the basis, at least `count + 2 BLOCK`. The operator's size exceeds it by more than a
-/// block and the locked vectors.
+///
+/// `locked`: known orthonormal eigenvectors, column-major, which the result leaves out. `dimension`:
+/// the most vectors in the basis, at least `count + 2 BLOCK`. The operator's size must exceed it by
+/// more than a block and the locked vectors together.
 pub(crate) fn largest(
     operator: &impl SymmetricOperator,
     locked: Vec<f64>,
@@ -62,14 +65,14 @@ pub(crate) fn largest(
     )))
 }
 
-/// An orthonormal basis, the block that continues it, and the operator projected onto the basis.
+/// An orthonormal basis, the block that comes next, and the operator projected onto the basis.
 struct Krylov {
     size: usize,
     locked: Vec<f64>,
     /// `[size, dimension + BLOCK]`, column-major: `used` vectors, then the next block.
     basis: Vec<f64>,
     used: usize,
-    /// `[dimension, dimension]`, the upper triangle filled so far.
+    /// `[dimension, dimension]`; the upper triangle is filled for the first `used` vectors.
     projected: Mat<f64>,
     /// `[BLOCK, BLOCK]`, couples the next block to the last one.
     tie: Mat<f64>,
@@ -106,7 +109,7 @@ impl Krylov {
         space
     }
 
-    /// One step: takes in the waiting block and finds the next.
+    /// One step: adds the waiting block to the basis and computes the next one.
     fn extend(&mut self, operator: &impl SymmetricOperator) {
         let begin = self.size * self.used;
         let mut block = self.basis[begin..begin + self.size * BLOCK].to_vec();
@@ -124,8 +127,8 @@ impl Krylov {
         self.basis[begin..begin + block.len()].copy_from_slice(&block);
     }
 
-    /// Removes the basis and the locked vectors from `block`; returns its inner products with the
-    /// basis, `[used, BLOCK]`.
+    /// Makes `block` orthogonal to the basis and the locked vectors. Returns its inner products with
+    /// the basis, `[used, BLOCK]`.
     fn reorthogonalise(&self, block: &mut [f64]) -> Mat<f64> {
         let columns = block.len() / self.size;
         let mut inner = Mat::zeros(self.used, columns);
@@ -141,8 +144,8 @@ impl Krylov {
         inner
     }
 
-    /// Orthonormalises the columns of `block`, replacing dependent ones by fresh random ones;
-    /// returns `R` of its QR decomposition, zero where a column was replaced.
+    /// Orthonormalises the columns of `block` and replaces dependent ones with random ones. Returns
+    /// `R` of its QR decomposition, whose diagonal is zero where a column was replaced.
     fn orthonormalise(&mut self, block: &mut [f64]) -> Mat<f64> {
         let size = self.size;
         let mut r = Mat::zeros(BLOCK, BLOCK);
@@ -205,7 +208,7 @@ impl Krylov {
         out
     }
 
-    /// Goes on with the first `keep` Ritz vectors and the waiting block.
+    /// Reduces the basis to the first `keep` Ritz vectors. The waiting block still follows them.
     fn restart(&mut self, ritz: &Ritz, keep: usize) {
         let combined = self.combine(ritz, keep);
         let next = self.size * self.used..self.size * (self.used + BLOCK);
@@ -285,7 +288,7 @@ mod tests {
 
     #[test]
     fn a_space_that_closes_early_goes_on_with_fresh_vectors() {
-        // Three different values: the Krylov space of any block closes after three steps.
+        // With three different values, the Krylov space of any block closes after three steps.
         let diagonal: Vec<f64> = (0..300)
             .map(|i| [3.0, 2.0, 1.0][usize::from(i >= 6) + usize::from(i >= 12)])
             .collect();

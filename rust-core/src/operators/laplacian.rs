@@ -1,8 +1,8 @@
 //! The robust Laplacian and lumped mass of any triangle soup.
 //!
 //! Sharp and Crane 2020: mollify, cover, flip to Delaunay, take half the cotan Laplacian and half
-//! the barycentric mass of the cover. Differs: nothing from `robust_laplacian.mesh_laplacian`,
-//! except that faces with repeated corners are left out first.
+//! the barycentric mass of the cover. The only difference from `robust_laplacian.mesh_laplacian` is
+//! that the caller leaves out faces with repeated corners first.
 
 use glam::DVec3;
 
@@ -12,16 +12,16 @@ use super::{
     tufted,
 };
 
-/// Laplacian, mass and the intrinsic Delaunay triangulation of the tufted cover behind them.
+/// Laplacian, mass, and the intrinsic Delaunay triangulation of the tufted cover they come from.
 pub(crate) struct RobustLaplacian {
     /// Weak form: symmetric, positive semi-definite, rows sum to zero.
     pub laplacian: Csr,
-    /// Lumped mass, sums to the area.
+    /// Lumped mass, whose sum is the area.
     pub mass: Vec<f64>,
     pub cover: Intrinsic,
 }
 
-/// Solves nothing yet: one pass over the triangles. `mollify` as in [`tufted::cover`].
+/// Builds the operators and solves nothing. `mollify`: as in [`tufted::cover`].
 pub(crate) fn robust(positions: &[DVec3], triangles: &[[u32; 3]], mollify: f64) -> RobustLaplacian {
     let mut cover = tufted::cover(positions, triangles, mollify);
     cover.flip_to_delaunay();
@@ -113,7 +113,7 @@ mod tests {
                 .collect();
             if name == "slivers" {
                 // A stretched icosphere is full of cocircular quads, where either diagonal is
-                // Delaunay and the masses depend on the order of flips; their sum does not.
+                // Delaunay. So the masses depend on the order of flips, but their sum does not.
                 assert!((operators.area() / rows.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             } else {
                 assert_close(&format!("{name} mass"), &operators.mass, &rows, 1e-6);
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn off_diagonals_are_not_positive() {
         let mut mesh = icosphere(3);
-        // A squeeze makes plain cotangents negative.
+        // On the flattened sphere some plain cotangents are negative.
         mesh.positions.iter_mut().for_each(|p| p[0] *= 0.1);
         let operators = Operators::new(&mesh, &OperatorOptions::default()).unwrap();
         for i in 0..operators.rows() {
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn seams_are_sewn_so_that_a_cut_leaves_the_spectrum() {
-        // The square cut in two along a column of vertices.
+        // The square is cut in two along a column of vertices.
         let whole = square(8);
         let mut cut = whole.clone();
         let base = cut.positions.len() as u32;
@@ -256,7 +256,7 @@ mod tests {
             points in proptest::collection::vec(proptest::array::uniform3(-2i8..3), 3..12),
             faces in proptest::collection::vec(proptest::array::uniform3(0u32..12), 1..30),
         ) {
-            // A coarse lattice: many coincident points, lines, repeated and folded faces.
+            // On a coarse lattice many points coincide and many faces are lines, repeated or folded.
             let count = points.len() as u32;
             let mesh = Mesh {
                 positions: points.iter().map(|p| p.map(f32::from)).collect(),

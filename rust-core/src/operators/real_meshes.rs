@@ -1,4 +1,4 @@
-//! Meshes as they are found, all stages after each other. They need the shared data.
+//! Tests that run all stages on real meshes, which lie in the shared data.
 
 use std::path::PathBuf;
 

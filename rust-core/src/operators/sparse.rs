@@ -21,7 +21,7 @@ pub struct Csr {
     pub values: Vec<f64>,
 }
 
-/// Rows per parallel task of a product; small matrices stay on one thread.
+/// Rows per parallel task of a product. Smaller matrices stay on one thread.
 const ROWS_PER_TASK: usize = 2048;
 
 impl Csr {
@@ -120,7 +120,7 @@ impl Csr {
     /// `y = A x` without allocating. `x`: `[ncols]`, `y`: `[nrows]`.
     ///
     /// # Panics
-    /// If a length does not fit.
+    /// If `x` or `y` has another length.
     pub fn mul_into(&self, x: &[f64], y: &mut [f64]) {
         assert_eq!(x.len(), self.ncols, "length of x");
         assert_eq!(y.len(), self.nrows(), "length of y");
@@ -136,8 +136,8 @@ impl Csr {
             });
     }
 
-    /// `Y = A X` for several columns at once. `x`: `[ncols, columns]` with each column in one
-    /// piece (column-major). Returns `[nrows, columns]`, the same.
+    /// `Y = A X` for several columns at once. `x`: `[ncols, columns]`, column-major. Returns
+    /// `[nrows, columns]`, also column-major.
     pub fn mul_columns(&self, x: &[f64], columns: usize) -> Vec<f64> {
         assert_eq!(x.len(), self.ncols * columns, "size of x");
         let mut y = vec![0.0; self.nrows() * columns];

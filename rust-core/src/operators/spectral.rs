@@ -1,4 +1,4 @@
-//! Everything that a network on the surface asks of a mesh, in the network's unit of length.
+//! The inputs that a network on the surface needs from a mesh, in the network's unit of length.
 
 use ndarray::{Array1, Array2};
 
@@ -10,10 +10,10 @@ use crate::{
 };
 
 impl Operators {
-    /// Mass, eigenpairs and gradients of eigenvectors for DiffusionNet; rows as here.
+    /// Mass, eigenpairs and gradients for DiffusionNet, with the rows of these operators.
     ///
-    /// `unit`: length of the network's unit in mesh units (1 where the network sees the mesh's own
-    /// positions; 100 where it sees metres and the mesh is in centimetres).
+    /// `unit`: length of the network's unit in mesh units (1 if the network sees the mesh's own
+    /// positions; 100 if it sees metres and the mesh is in centimetres).
     ///
     /// # Errors
     /// Those of [`Operators::eigenbasis`].
@@ -21,7 +21,7 @@ impl Operators {
         let basis = self.eigenbasis_cached(eigenpairs, cache)?;
         let gradient = self.tangent_gradient(&self.tangent_frames(), RIDGE * unit * unit);
         let (rows, count) = (self.rows(), basis.values.len());
-        // Orthonormal under the scaled mass, so vectors grow where areas shrink.
+        // The vectors are orthonormal under the scaled mass, so they grow if the areas shrink.
         let evecs: Vec<f32> = basis.vectors.iter().map(|v| (v * unit) as f32).collect();
         let evecs = Array2::from_shape_vec((rows, count), evecs).expect("rows times eigenpairs");
         Surface::new(
@@ -66,7 +66,7 @@ mod tests {
             .unwrap()
     }
 
-    /// Root of the mean squared difference over that of the reference.
+    /// Root mean square of the difference, relative to that of the reference.
     fn relative(got: impl Iterator<Item = f32>, expected: &[f64]) -> f64 {
         let difference: f64 = got
             .zip(expected)
@@ -121,7 +121,7 @@ mod tests {
             width: 32,
             blocks: 2,
         };
-        // A torus has double eigenvalues, so the number of pairs cuts none in two.
+        // A torus has double eigenvalues. This number of pairs splits none of them.
         let k = 49;
         let one = output(&net, shape, &mesh, &surface(&mesh, k, 1.0));
         let other = output(&net, shape, &mesh, &surface(&large, k, 128.0));

@@ -1,8 +1,8 @@
-//! How many threads large products and factorisations take.
+//! The number of threads for large products and factorisations.
 
 use faer::Par;
 
-/// All of the pool; one where the build has none, as in a browser.
+/// All threads of the pool, or one in builds without a pool, as in a browser.
 pub(super) fn threads() -> Par {
     #[cfg(feature = "parallel")]
     return Par::rayon(0);

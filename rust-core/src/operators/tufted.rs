@@ -1,9 +1,9 @@
-//! The tufted cover: any triangle soup as a closed surface without edges of three faces.
+//! The tufted cover: turns any triangle soup into a closed surface with two faces at every edge.
 //!
-//! Sharp and Crane 2020, "A Laplacian for nonmanifold triangle meshes". Every face gets a front
-//! and a back; around each edge, the sheet of one face that looks at the next is glued to the
-//! sheet of the next that looks back. Boundary edges glue a face to its own back.
-//! Conventions (edge-length mollification relative to the mean edge, angular order around an
+//! Sharp and Crane 2020, "A Laplacian for nonmanifold triangle meshes". Every face becomes two
+//! sheets, a front and a back. Around each edge, neighbouring faces are glued by the two sheets
+//! that look at each other. At a boundary edge, a face is glued to its own back.
+//! The conventions (edge-length mollification relative to the mean edge, angular order around an
 //! edge) are those of geometry-central and the Python package `robust_laplacian`.
 
 use glam::DVec3;
@@ -21,7 +21,7 @@ struct Wing {
 }
 
 /// Builds the tufted cover of `triangles` (no repeated corners) with mollified edge lengths.
-/// `mollify`: share of the mean edge length by which triangle inequalities are to be strict.
+/// `mollify`: share of the mean edge length by which the triangle inequalities become strict.
 pub(crate) fn cover(positions: &[DVec3], triangles: &[[u32; 3]], mollify: f64) -> Intrinsic {
     let wings = sorted_wings(triangles);
     let mut cover = sheets(triangles);
@@ -58,7 +58,7 @@ fn sorted_wings(triangles: &[[u32; 3]]) -> Vec<Wing> {
     wings
 }
 
-/// Fronts at `2 f`, backs at `2 f + 1`, not glued yet.
+/// The sheets of all faces, not glued yet: the front of face `f` at `2 f`, its back at `2 f + 1`.
 fn sheets(triangles: &[[u32; 3]]) -> Intrinsic {
     let tail: Vec<u32> = triangles
         .iter()
@@ -71,7 +71,7 @@ fn sheets(triangles: &[[u32; 3]]) -> Intrinsic {
     }
 }
 
-/// Side of the front sheet and of the back sheet that lie on input side `side`.
+/// The sides of the front sheet and of the back sheet that come from input side `side`.
 fn sheet_sides(side: u32) -> (u32, u32) {
     let (f, s) = (side / 3, side % 3);
     (6 * f + s, 6 * f + 3 + (2 - s))
@@ -79,7 +79,7 @@ fn sheet_sides(side: u32) -> (u32, u32) {
 
 /// Glues the sheets around one edge, given in angular order.
 fn glue(cover: &mut Intrinsic, around: &[Wing], length: f64) {
-    // The sheet that runs along the edge's own direction looks towards growing angles.
+    // If a sheet's side runs in the direction of the edge, the sheet looks towards growing angles.
     let (mut up, mut down) = (Vec::new(), Vec::new());
     for wing in around {
         let (front, back) = sheet_sides(wing.side);
@@ -107,8 +107,8 @@ fn sort_by_angle(around: &mut [Wing], positions: &[DVec3], triangles: &[[u32; 3]
     around.sort_by(|p, q| angle(p).total_cmp(&angle(q)));
 }
 
-/// Adds one length to every edge, as little as makes all triangle inequalities strict by
-/// `mollify` mean edges.
+/// Adds the same length to every edge: the least that makes all triangle inequalities strict by
+/// `mollify` times the mean edge length.
 fn mollify_lengths(cover: &mut Intrinsic, wings: &[Wing], edges: usize, mollify: f64) {
     let length = |w: &Wing| cover.length[sheet_sides(w.side).0 as usize];
     let mut sum = 0.0;
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn every_side_of_a_nonmanifold_fan_is_glued_both_ways() {
-        // Three triangles on one edge, one of them turned over, and a lone triangle.
+        // Three triangles share an edge, one of them turned over. A fourth only touches two vertices.
         let positions = [
             [0.0, 0.0, 0.0],
             [0.0, 0.0, 1.0],

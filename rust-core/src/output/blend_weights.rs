@@ -1,4 +1,4 @@
-//! Weights of shapes over time, as capture tools write them.
+//! Writes the weights of shapes over time in the formats of capture tools.
 
 use std::{
     io::{self, Write},
@@ -14,7 +14,7 @@ use crate::{
     rig::{ARKIT, SolvedWeights},
 };
 
-/// Columns of Live Link Face beside the shapes: turns of head and eyes.
+/// Columns of Live Link Face after the shapes: rotations of head and eyes.
 const TURNS: [&str; 9] = [
     "HeadYaw",
     "HeadPitch",
@@ -35,9 +35,11 @@ struct Document<'a> {
     weights: Vec<Vec<f32>>,
 }
 
-/// Writes weights to `.csv` (Live Link Face: `Timecode`, `BlendShapeCount`, the 52 shapes with a
-/// capital first letter, then turns of head and eyes, which are zero) or `.json` (`version`, `fps`,
-/// `names` `[S]`, `weights` `[T][S]`).
+/// Writes weights to `.csv` or `.json`.
+///
+/// A `.csv` has the columns of Live Link Face: `Timecode`, `BlendShapeCount`, the 52 shapes with a
+/// capital first letter, then rotations of head and eyes, which are zero. A `.json` has `version`,
+/// `fps`, `names` `[S]` and `weights` `[T][S]`.
 ///
 /// # Errors
 /// `InvalidInput` for another extension or a frame rate out of range; `Io` if the file
@@ -91,10 +93,10 @@ fn csv(file: &mut impl Write, weights: &SolvedWeights, fps: f64) -> io::Result<(
     Ok(())
 }
 
-/// `HH:MM:SS:FF.mmm`: hours to seconds, the frame in its second and its fraction.
+/// `HH:MM:SS:FF.mmm`: hours, minutes, seconds, and the frame within the second with its fraction.
 fn timecode(frame: usize, fps: f64) -> String {
     let time_s = frame as f64 / fps;
-    // A millionth of a second is rounding, not time.
+    // Less than a millionth of a second is a rounding error.
     let second = (time_s + 1e-6).floor();
     let within = ((time_s - second) * fps).max(0.0);
     let second = second as u64;

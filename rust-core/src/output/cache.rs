@@ -1,10 +1,10 @@
-//! What point caches share: they hold positions, not displacements.
+//! Shared by the point caches, which hold positions instead of displacements.
 
 use std::io::{self, Write};
 
 use ndarray::ArrayView3;
 
-/// Appends rest position + displacement of every vertex and frame, in the byte order of `encode`.
+/// Appends rest position + displacement for every vertex and frame, in the byte order of `encode`.
 pub(super) fn write_positions(
     file: &mut impl Write,
     displacements: ArrayView3<'_, f32>,
@@ -24,7 +24,7 @@ pub(super) fn write_positions(
     Ok(())
 }
 
-/// Point caches count in 32 signed bits.
+/// Point caches store counts as signed 32-bit numbers.
 pub(super) fn count(n: usize) -> io::Result<i32> {
     i32::try_from(n).map_err(|_| io::Error::other(format!("expected at most 2^31 − 1, got {n}")))
 }

@@ -1,4 +1,4 @@
-//! Writes a clip into a file while its frames are made.
+//! Writes a clip into a file while its frames are being made.
 
 use std::{
     fs::File,
@@ -32,18 +32,22 @@ use crate::{
     spread::{Animation, ClipStart, FrameBlock, FrameSink},
 };
 
-/// A file that takes the frames of a clip. It appears when the last frame is written, so nobody sees half a file.
+/// A file that takes the frames of a clip. The file appears once it is complete.
 ///
-/// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
-/// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
-/// `[T, 4]` as [`Life`] has them. The displacements hold the tongue alone. pc2 and mdd: positions, mesh units and axes.
-/// GLB and USD: shapes whose weights over time bring every vertex within 0.01 mm (on a head of human size) of its place,
-/// and the head as a node or a joint that turns; with [`ClipFile::with_shapes`] the shapes of the mesh and solved weights instead.
-/// VRMA: the expressions of avatars, which need the shapes. Such files are written when all frames are there, which stay in
-/// memory until then.
+/// - npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]` and `landmark_displacements`
+///   `[T, 68, 3]` as f32 in mesh units, `fps`, and if they are known `head` `[T, 3]`, `gaze`
+///   `[T, 2, 2]` and `tongue` `[T, 4]` as in [`Life`]. Of these three, the displacements contain
+///   only the motion of the tongue.
+/// - pc2 and mdd: positions in mesh units and axes.
+/// - GLB and USD: shapes with weights over time, which bring every vertex within 0.01 mm (on a head
+///   of human size) of its place, and a node or joint that turns the head. With
+///   [`ClipFile::with_shapes`], the shapes of the mesh and solved weights instead.
+/// - VRMA: the expressions of avatars, for which it needs the shapes.
 ///
-/// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
-/// `Io` if the file cannot be written.
+/// A GLB, USD or VRMA is written once all frames are there. Until then they stay in memory.
+///
+/// Its errors as a [`FrameSink`]: `ShapeMismatch` if number or size of the frames differ from what
+/// was announced, `InvalidInput` for a VRMA without shapes, `Io` if the file cannot be written.
 pub struct ClipFile {
     path: PathBuf,
     format: Format,
@@ -52,7 +56,7 @@ pub struct ClipFile {
     open: Option<Open>,
 }
 
-/// What files of scenes have beside the clip.
+/// The contents of a scene file other than the clip.
 #[derive(Default)]
 pub(super) struct Beside {
     /// The bytes of the file that the mesh was read from.
@@ -64,7 +68,7 @@ pub(super) struct Beside {
 }
 
 impl Beside {
-    /// The clip as shapes of its own, or as those of its mesh.
+    /// The clip as shapes made for it, or as the shapes of its mesh if they are known.
     fn targets(&self, clip: &VertexClip, scene: &Scene<'_>) -> Result<Targets> {
         let Some(shapes) = &self.shapes else {
             let targets = Targets::of_clip(clip, scene.landmarks)?;
@@ -77,16 +81,16 @@ impl Beside {
     }
 }
 
-/// A clip file whose frames come.
+/// A clip file that is receiving its frames.
 struct Open {
     unfinished: Unfinished,
     writer: Writer<BufWriter<File>>,
-    /// Landmarks, which stand behind all frames.
+    /// Landmarks, which follow all frames in the file.
     landmarks: Rows,
 }
 
 impl ClipFile {
-    /// A file of the format that the extension of `path` names; nothing is opened yet.
+    /// A file in the format that the extension of `path` names. Does not open it yet.
     ///
     /// # Errors
     /// `InvalidInput` for an unknown extension.
@@ -100,43 +104,47 @@ impl ClipFile {
         })
     }
 
-    /// Where the file is to be.
+    /// The path at which the file will appear.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The bytes of the file that the mesh was read from: of a GLB its materials, bones and all else stay where another one is
-    /// written, of an OBJ or PLY the texture coordinates. Other formats hold neither.
+    /// Sets the bytes of the file that the mesh was read from.
+    ///
+    /// Only a written GLB uses them: from a GLB it keeps the materials, bones and everything else,
+    /// from an OBJ or PLY the texture coordinates.
     #[must_use]
     pub fn of_file(mut self, bytes: &[u8]) -> Self {
         self.beside.source = (self.format == Format::Glb).then(|| bytes.to_owned());
         self
     }
 
-    /// The shapes of the mesh: scenes have those of [`ARKIT`] and weights that are solved for them, VRMA the expressions
-    /// that come of them.
+    /// Sets the shapes of the mesh. A GLB or USD then holds those of [`ARKIT`] with solved weights, a
+    /// VRMA the expressions derived from them.
     #[must_use]
     pub fn with_shapes(mut self, shapes: TakeShapes) -> Self {
         self.beside.shapes = Some(shapes);
         self
     }
 
-    /// The eyes of the mesh, which turn where the take has them look: without this a scene leaves them at rest, unless it has
-    /// the shapes of the mesh, which turn them too.
+    /// Sets the eyes of the mesh, so that a scene turns them with the gaze of the take.
+    ///
+    /// Without them the eyes of a scene stay at rest, unless it has the shapes of the mesh, which
+    /// turn the eyes too.
     #[must_use]
     pub fn with_eyes(mut self, eyes: Vec<EyeLook>) -> Self {
         self.beside.eyes = eyes;
         self
     }
 
-    /// Which expressions a VRMA has; without this all.
+    /// Sets which expressions a VRMA has. Without this it has all of them.
     #[must_use]
     pub fn with_vrm_names(mut self, names: VrmNames) -> Self {
         self.beside.names = names;
         self
     }
 
-    /// The name of the sound's file beside this one, which files of scenes mention.
+    /// Sets the name of the sound file beside this one, which scene files mention.
     #[must_use]
     pub fn with_sound(mut self, name: &str) -> Self {
         self.beside.sound = Some(name.to_owned());
@@ -146,7 +154,7 @@ impl ClipFile {
     /// Writes a whole animation.
     ///
     /// # Errors
-    /// Those of a [`ClipFile`] as a sink; then nothing is left.
+    /// Those of a [`ClipFile`] as a sink. On an error no unfinished file is left.
     pub fn write_whole(
         mut self,
         animation: &Animation,
@@ -165,7 +173,8 @@ impl ClipFile {
         self.finish()
     }
 
-    /// Head, eyes and tongue of the next frames, for formats that hold them; of all frames or of none.
+    /// Adds head, eyes and tongue of the next frames, for formats that hold them. Call it for all
+    /// frames or for none.
     pub fn add_life(&mut self, life: &Life) {
         match &mut self.life {
             Some(before) => before.append(life),
@@ -173,7 +182,7 @@ impl ClipFile {
         }
     }
 
-    /// [`FrameSink::take`] of frames that stay with the caller.
+    /// [`FrameSink::take`] for frames that the caller keeps.
     fn write(&mut self, block: ArrayView3<'_, f32>, landmarks: ArrayView3<'_, f32>) -> Result<()> {
         let Some(open) = &mut self.open else {
             return Err(Error::InvalidInput(format!(
@@ -218,7 +227,7 @@ impl FrameSink for ClipFile {
     }
 }
 
-/// What is written, into any file: tests have full disks.
+/// Writes the contents into any writer, so that tests can simulate a full disk.
 pub(super) struct Writer<W: Write + Seek> {
     body: Body<W>,
     landmarks: [[f32; 3]; LANDMARKS],
@@ -230,9 +239,9 @@ pub(super) struct Writer<W: Write + Seek> {
 
 enum Body<W: Write + Seek> {
     Npz(Box<Archive<W>>),
-    /// Positions at rest, and how numbers are written.
+    /// The file, the rest positions, and the encoding of numbers.
     PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
-    /// All frames, of which shapes are made when the last one is there.
+    /// All frames so far. The shapes are made from them after the last one.
     Shapes(W, Format, Mesh, Vec<f32>),
 }
 

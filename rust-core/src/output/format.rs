@@ -1,10 +1,10 @@
-//! Kinds of files that hold an animation.
+//! The file formats of an animation.
 
 use std::path::Path;
 
 use crate::{Error, Result};
 
-/// A kind of file that holds an animation.
+/// A file format for an animation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// Arrays for numpy: displacements, landmarks, frame rate.
@@ -17,19 +17,19 @@ pub enum Format {
     Glb,
     /// USD as text: blend shapes and their weights over time; Blender, Houdini, Maya, Unreal.
     Usda,
-    /// VRM animation: expressions over time, turns of the head and where the eyes look, for avatars.
+    /// VRM animation: expressions, head rotation and gaze over time, for avatars.
     Vrma,
 }
 
 impl Format {
-    /// Whether a scene is written, which is made of all frames.
+    /// Whether the format is a scene, which is written once all frames are there.
     pub fn is_scene(self) -> bool {
         matches!(self, Format::Glb | Format::Usda | Format::Vrma)
     }
 }
 
 impl Format {
-    /// From the extension of a file name.
+    /// The format that the extension of a file name stands for.
     ///
     /// # Errors
     /// `InvalidInput` for any other extension.

@@ -1,4 +1,4 @@
-//! Landmark motion back from numpy archives, of ours or of numpy's making.
+//! Reads motion from numpy archives, which Anyface or numpy wrote.
 
 use std::path::Path;
 
@@ -23,17 +23,18 @@ pub struct LandmarkMotion {
     pub neutral: Option<[[f32; 3]; LANDMARKS]>,
     /// `[T, 68, 3]`, mesh units where `neutral` is given, canonical metres where it is not.
     pub displacements: Array3<f32>,
-    /// Frames per second, where the file says so.
+    /// Frames per second, if the file has them.
     pub fps: Option<f64>,
 }
 
-/// Reads `landmark_displacements`, and `landmarks_neutral` and `fps` where they are there.
+/// Reads `landmark_displacements`, and if the file has them `landmarks_neutral` and `fps`.
 ///
-/// Arrays may be f32 or f64; `fps` may be any number, alone or in an array of one.
+/// Arrays may hold f32, f64 or integers. `fps` may be a single number or an array of one.
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks the displacements or
-/// holds numbers that are not finite or beyond [`DISPLACEMENT`], `ShapeMismatch` for wrong shapes.
+/// `Io` if the file cannot be read; `InvalidInput` if it is no npz, lacks the displacements, or
+/// holds numbers that are not finite or displacements in metres beyond [`DISPLACEMENT`];
+/// `ShapeMismatch` for wrong shapes.
 pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
     let mut npz = NumpyArchive::open(path)?;
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
@@ -56,7 +57,7 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
     };
     check_finite(displacements.view().into_dyn(), fps).map_err(|e| bad(&e))?;
     if neutral.is_none() {
-        // Those in units of a mesh are looked at where its size is known.
+        // Displacements in mesh units are checked later, once the size of the mesh is known.
         DISPLACEMENT.check(&displacements).map_err(|e| bad(&e))?;
     }
     Ok(LandmarkMotion {
@@ -66,12 +67,13 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
     })
 }
 
-/// Reads `head` `[T, 3]` and `gaze` `[T, 2, 2]`; `None` in files that lack either. `tongue` `[T, 4]` rests in files
-/// that lack it.
+/// Reads `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`.
+///
+/// Returns `None` if the file lacks `head` or `gaze`. If it lacks `tongue`, the tongue rests.
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz or holds numbers that are not finite,
-/// `ShapeMismatch` for other shapes.
+/// `Io` if the file cannot be read; `InvalidInput` if it is no npz, or holds numbers that are not
+/// finite or out of range; `ShapeMismatch` for other shapes.
 pub fn read_life(path: &Path) -> Result<Option<Life>> {
     let mut npz = NumpyArchive::open(path)?;
     if !npz.has("head") || !npz.has("gaze") {
@@ -109,12 +111,13 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
     Ok(Some(life))
 }
 
-/// Reads `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` (or nothing), as motion of weights is
-/// written; `None` in files without weights.
+/// Reads motion of weights: `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` or `[0]`.
+///
+/// Returns `None` if the file has no `weights`.
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks one of these or holds numbers that
-/// are not finite, `ShapeMismatch` where they differ in number.
+/// `Io` if the file cannot be read; `InvalidInput` if it is no npz, lacks one of the others, or
+/// holds numbers that are not finite or out of range; `ShapeMismatch` if their lengths do not match.
 pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
     let mut npz = NumpyArchive::open(path)?;

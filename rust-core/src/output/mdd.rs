@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use super::cache::count;
 use crate::spread::ClipStart;
 
-/// Times in seconds from 0.
+/// Writes the counts and the times of the frames, in seconds from 0.
 pub(super) fn write_header(file: &mut impl Write, start: &ClipStart<'_>) -> io::Result<()> {
     file.write_all(&count(start.frames)?.to_be_bytes())?;
     file.write_all(&count(start.mesh.positions.len())?.to_be_bytes())?;

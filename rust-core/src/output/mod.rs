@@ -1,8 +1,10 @@
-//! Results as files: npz for numpy, pc2 and mdd point caches, GLB and USD for browsers, engines and studios, VRM for avatars, JSON reports.
+//! Writes results to files: npz for numpy, pc2 and mdd point caches, GLB and USD for browsers,
+//! engines and studios, VRM for avatars, JSON reports.
 //!
-//! Every file is written beside its place under another name and renamed when complete, so that a
-//! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
-//! needs no more memory than the block that is being written.
+//! Every file is written under another name in its folder and renamed when complete, so a full disk
+//! or another failure leaves the old file in place. Frames are streamed into npz, pc2 and mdd: an
+//! hour of animation needs no more memory than the block that is being written. Scenes (GLB, USD,
+//! VRMA) keep all frames in memory until the last one.
 
 mod blend_weights;
 mod cache;
@@ -58,7 +60,7 @@ use crate::{
 /// Writes an animation in the format that the extension of `path` names; see [`ClipFile`].
 ///
 /// # Errors
-/// Those of [`ClipFile`]; then nothing is left.
+/// Those of [`ClipFile`]. On an error no unfinished file is left.
 pub fn write_animation(
     path: &Path,
     animation: &Animation,
@@ -68,11 +70,13 @@ pub fn write_animation(
     ClipFile::new(path)?.write_whole(animation, life, mesh)
 }
 
-/// A whole animation as the bytes of a GLB, where there are no files. `source`: the bytes of the file that the mesh was
-/// read from, of which a GLB keeps its materials, bones and all else, other files their texture coordinates.
+/// A whole animation as the bytes of a GLB, for platforms without files.
+///
+/// `source`: the bytes of the file that the mesh was read from. From a GLB the result keeps the
+/// materials, bones and everything else, from an OBJ or PLY the texture coordinates.
 ///
 /// # Errors
-/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice; those of
+/// `InvalidInput` if the mesh was not read from the source or the source shows a mesh twice; those of
 /// [`crate::deform::compression::compress`].
 pub fn glb_of(
     animation: &Animation,
@@ -93,10 +97,12 @@ pub fn glb_of(
     Ok(bytes)
 }
 
-/// Writes motion that is whole into a [`MotionFile`]; `landmarks`: on the mean face ([`Motion::on_mean_face`]).
+/// Writes a whole motion into a [`MotionFile`].
+///
+/// `landmarks`: the motion on the mean face ([`Motion::on_mean_face`]).
 ///
 /// # Errors
-/// Those of [`MotionFile`]; then nothing is left.
+/// Those of [`MotionFile`]. On an error no unfinished file is left.
 pub fn write_motion(
     path: &Path,
     motion: &Motion,
@@ -109,7 +115,7 @@ pub fn write_motion(
     file.finish()
 }
 
-/// Writes by which share each vertex attends to each landmark as npz: `attention` `[V, 68]`.
+/// Writes as npz how strongly each vertex attends to each landmark: `attention` `[V, 68]`.
 ///
 /// # Errors
 /// `InvalidInput` for an extension other than npz, `Io` if the file cannot be written.

@@ -1,4 +1,4 @@
-//! Motion into a file as it is made.
+//! Writes motion into a file while it is being made.
 
 use std::{
     fs::File,
@@ -17,11 +17,13 @@ use crate::{
     rig::SolvedWeights,
 };
 
-/// A file that takes motion part by part; it is there when the last one was taken, and never half.
+/// A file that takes motion part by part. The file appears once it is complete.
 ///
-/// npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and `head`, `gaze` and `tongue` as [`Life`] has
-/// them. Motion of weights has its `weights` `[T, S]`, their `names` `[S]` and `together` `[T]` too, how far lips have to
-/// meet on whatever head shows it; it may go to a .csv or .json as well, as [`write_blend_weights`] writes them, alone.
+/// An npz has `landmark_displacements` `[T, 68, 3]` in canonical metres, `fps`, and `head`, `gaze`
+/// and `tongue` as in [`Life`]. For motion of weights it also has the `weights` `[T, S]`, their
+/// `names` `[S]`, and `together` `[T]`: how far the lips have to meet on any head that shows it.
+/// Motion of weights may also go to a .csv or .json, which then holds the weights alone, as
+/// [`write_blend_weights`] writes them.
 pub struct MotionFile {
     path: PathBuf,
     fps: f64,
@@ -31,18 +33,18 @@ pub struct MotionFile {
 
 enum Body {
     Npz(Box<Open>),
-    /// What takes weights alone.
+    /// A .csv or .json, which holds weights alone.
     Table(Option<WeightClip>),
 }
 
-/// An archive whose landmarks come.
+/// An archive that is receiving its landmarks.
 struct Open {
     unfinished: Unfinished,
     archive: Archive<BufWriter<File>>,
     weights: Option<Waiting>,
 }
 
-/// Weights, which stand behind all landmarks.
+/// Weights, which wait because they follow all landmarks in the archive.
 struct Waiting {
     names: Vec<String>,
     weights: Rows,
@@ -50,7 +52,7 @@ struct Waiting {
 }
 
 impl MotionFile {
-    /// A file for so many `frames`, of weights where it `is_weights`.
+    /// A file for this many `frames`. `is_weights`: whether the motion is weights.
     ///
     /// # Errors
     /// Those of [`check_motion_path`]; `Io` if the file cannot be written.
@@ -80,7 +82,8 @@ impl MotionFile {
         })
     }
 
-    /// Takes the motion that follows, its landmarks on the mean face ([`Motion::on_mean_face`]) and what stands beside it.
+    /// Adds the next part of the motion, its landmarks on the mean face ([`Motion::on_mean_face`]),
+    /// and its head, eyes and tongue.
     ///
     /// # Errors
     /// `Io` if the file cannot be written.
@@ -128,7 +131,7 @@ impl MotionFile {
         }
     }
 
-    /// Writes what stands behind the motion; the file is there.
+    /// Writes the rest of the file and gives it its name.
     ///
     /// # Errors
     /// `Io` if it cannot be written.
@@ -166,7 +169,7 @@ impl MotionFile {
     }
 }
 
-/// Checks that motion can be written under this name: .npz, and where it `is_weights` .csv and .json.
+/// Checks that motion can be written under this name: .npz, or for weights also .csv or .json.
 ///
 /// # Errors
 /// `InvalidInput` for another extension.

@@ -1,4 +1,4 @@
-//! numpy archives, written as a stream: arrays uncompressed, 64-bit sizes where they need them.
+//! Writes numpy archives as a stream: uncompressed arrays, with 64-bit sizes where they need them.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
@@ -8,7 +8,7 @@ use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptio
 use super::rows::{Rows, write_values};
 use crate::{mesh::ibug::LANDMARKS, motion::Life};
 
-/// Bytes of one array from which its entry needs 64-bit sizes.
+/// The entry of an array with more bytes than this gets 64-bit sizes.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 
 /// `attention`, `[V, 68]`.
@@ -30,7 +30,7 @@ pub(super) fn write_mask(file: impl Write + Seek, mask: ArrayView2<'_, f32>) -> 
     archive.finish()
 }
 
-/// An archive in the making.
+/// An archive that is being written.
 pub(super) struct Archive<W: Write + Seek> {
     zip: ZipWriter<QuietAfterFailure<W>>,
 }
@@ -46,7 +46,7 @@ impl<W: Write + Seek> Archive<W> {
         }
     }
 
-    /// An array whose rows have waited.
+    /// Writes an array whose rows have waited in a temporary file.
     pub(super) fn rows(&mut self, name: &str, rows: Rows) -> io::Result<()> {
         self.start(name, "<f4", rows.shape())?;
         rows.copy_to(&mut self.zip)
@@ -75,7 +75,7 @@ impl<W: Write + Seek> Archive<W> {
         self.bytes(&value.to_le_bytes())
     }
 
-    /// Texts as numpy's own Unicode type, `<U…`: UTF-32, padded with zeros. `[S]`.
+    /// `names`, `[S]`, as numpy's own Unicode type `<U…`: UTF-32, padded with zeros.
     pub(super) fn names(&mut self, names: &[String]) -> io::Result<()> {
         let length = |name: &String| name.chars().count();
         let longest = names.iter().map(length).max().unwrap_or(0).max(1);
@@ -89,7 +89,7 @@ impl<W: Write + Seek> Archive<W> {
         Ok(())
     }
 
-    /// Opens an array; its values follow, the last axis fastest.
+    /// Begins an array. Its values must follow, with the last axis fastest.
     pub(super) fn start(&mut self, name: &str, kind: &str, shape: &[usize]) -> io::Result<()> {
         let bytes = shape.iter().map(|n| *n as u64).product::<u64>() * 8;
         let options = SimpleFileOptions::default()
@@ -117,8 +117,8 @@ impl<W: Write + Seek> Archive<W> {
 
 /// A file that reports its first failure and then swallows everything.
 ///
-/// Dropped after a failure, `ZipWriter` tries to finish the archive and prints why it cannot; a
-/// library must not print.
+/// When `ZipWriter` is dropped after a failure, it tries to finish the archive and prints why it
+/// cannot. A library must not print.
 struct QuietAfterFailure<W> {
     file: W,
     position: u64,
@@ -166,7 +166,7 @@ fn npy_header(kind: &str, shape: &[usize]) -> Vec<u8> {
     header
 }
 
-/// Keeps what the system said, so that a full disk is reported as such.
+/// Keeps the error of the system, so that a full disk is reported as such.
 fn zip_error(e: ZipError) -> io::Error {
     match e {
         ZipError::Io(e) => e,

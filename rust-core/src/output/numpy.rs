@@ -1,8 +1,8 @@
-//! Arrays out of numpy archives (.npz), stored or deflated, of ours or of numpy's making.
+//! Reads arrays from numpy archives (.npz), stored or deflated, which Anyface or numpy wrote.
 //!
-//! Read here and not through ndarray-npy: that one reserves whatever a header claims, and follows the
-//! brackets of a header as deep as they go. Here a header is text of a few words, and its claim is held
-//! against the size of the entry before anything is reserved.
+//! This does not use ndarray-npy, which allocates whatever size a header claims and follows nested
+//! brackets in a header to any depth. Here a header is short text, and its shape is checked against
+//! the size of the entry before an array is made.
 
 use std::{
     fmt::Display,
@@ -18,9 +18,9 @@ use crate::{
     job::{Input, InputKind},
 };
 
-/// Longest header that is read; numpy's own limit is 10,000 letters.
+/// Longest header that is read, bytes. The limit of numpy itself is 10,000 characters.
 const LONGEST_HEADER: usize = 1 << 16;
-/// Bytes that one byte can become when it is inflated, rounded up.
+/// Most bytes that inflating one byte can yield, rounded up.
 const INFLATED: u64 = 1100;
 
 /// An archive that is open for reading.
@@ -29,9 +29,9 @@ pub(super) struct NumpyArchive {
     zip: ZipArchive<BufReader<Input>>,
 }
 
-/// An array as it lies in the file.
+/// An array as the file holds it.
 struct Stored {
-    /// Such as `<f4`.
+    /// Type of the values, such as `<f4`.
     kind: String,
     is_fortran: bool,
     shape: Vec<usize>,
@@ -51,7 +51,7 @@ impl NumpyArchive {
         Ok(NumpyArchive { path, zip })
     }
 
-    /// Names of its arrays.
+    /// Names of the arrays.
     pub(super) fn names(&self) -> Vec<&str> {
         let names = self.zip.file_names();
         names.filter_map(|name| name.strip_suffix(".npy")).collect()
@@ -61,10 +61,10 @@ impl NumpyArchive {
         self.names().contains(&name)
     }
 
-    /// An array of numbers of any type, as f32.
+    /// An array of f32, f64 or integers, as f32.
     ///
     /// # Errors
-    /// `InvalidInput` if it is missing, damaged, no numbers or of other dimensions; `Io`.
+    /// `InvalidInput` if it is missing, damaged, not numbers or has another number of dimensions.
     pub(super) fn array<D: Dimension>(&mut self, name: &str) -> Result<Array<f32, D>> {
         let stored = self.stored(name)?;
         let values = numbers(&stored, |x| x as f32).map_err(|e| self.bad(name, &e))?;
@@ -79,7 +79,7 @@ impl NumpyArchive {
         })
     }
 
-    /// One number of any type, alone or in an array of one.
+    /// One number, f32, f64 or an integer, alone or in an array of one.
     ///
     /// # Errors
     /// Those of [`NumpyArchive::array`].
@@ -94,7 +94,7 @@ impl NumpyArchive {
         }
     }
 
-    /// Texts of numpy's own Unicode type, `<U…`: UTF-32 padded with zeros.
+    /// Texts of numpy's own Unicode type `<U…`: UTF-32, padded with zeros.
     ///
     /// # Errors
     /// Those of [`NumpyArchive::array`].
@@ -119,7 +119,7 @@ impl NumpyArchive {
     }
 }
 
-/// The whole entry, if its claim of a size can be true.
+/// Reads a whole entry, if the size that it claims is possible.
 fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<u8>, String> {
     let entry = zip.by_name(&format!("{name}.npy"));
     let mut entry = entry.map_err(|e| e.to_string())?;
@@ -133,7 +133,7 @@ fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<
     let mut bytes = Vec::new();
     let length = usize::try_from(size).map_err(|e| e.to_string())?;
     if entry.compressed_size() == size {
-        // An entry without compression is as long as it claims, or reading ends early.
+        // An uncompressed entry is as long as it claims, otherwise reading ends early.
         bytes
             .try_reserve(length.min(1 << 24))
             .map_err(|e| e.to_string())?;
@@ -146,7 +146,7 @@ fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<
     }
 }
 
-/// Splits an .npy file into what its header says and its values.
+/// Splits an .npy file into the facts of its header and its values.
 fn parse(mut bytes: Vec<u8>) -> Result<Stored, String> {
     let damaged = || "expected an array of numpy's format, got something else".to_owned();
     if !bytes.starts_with(b"\x93NUMPY") {
@@ -350,7 +350,7 @@ mod tests {
         writer.finish().unwrap();
         let mut archive = NumpyArchive::open(&path).unwrap();
         assert_eq!(archive.array::<Ix2>("a").unwrap()[[1, 2]], 6.0);
-        // The directory at the end claims four gigabytes.
+        // The directory at the end now claims four gigabytes.
         let mut bytes = std::fs::read(&path).unwrap();
         let size = (file.len() as u32).to_le_bytes();
         let at = bytes.windows(4).rposition(|four| four == size).unwrap();

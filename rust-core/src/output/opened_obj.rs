@@ -1,5 +1,5 @@
-//! Writes a mesh whose mouth was opened as OBJ. Texture coordinates, normals, materials, objects and groups of the old
-//! file stay.
+//! Writes a mesh whose mouth or eyes were cut open as OBJ. Keeps the texture coordinates, normals,
+//! materials, objects and groups of the old file.
 
 use std::{fmt::Write as _, path::Path};
 
@@ -10,17 +10,19 @@ use crate::{
     mesh::{Mesh, obj_text, polygons::triangulate},
 };
 
-/// Vertex, texture and normal numbers of a corner, from 0.
+/// Vertex, texture and normal number of a corner, counted from 0.
 type Corner = [Option<usize>; 3];
 
-/// Group of the bag's faces, and their material where the file has materials.
+/// Name of the group for the inside of the mouth (the bag), and of its material if the file has any.
 const BAG: &str = "mouth_inside";
 
-/// Words of an OBJ file for vertices, texture coordinates and normals.
+/// Keywords of an OBJ file for vertices, texture coordinates and normals.
 const KINDS: [&str; 3] = ["v", "vt", "vn"];
 
-/// Writes the new mesh. `source`: the bytes of the old file if that was OBJ. All its lines stay except the faces at the
-/// mouth, and polygons that were not cut stay polygons.
+/// Writes the new mesh.
+///
+/// `source`: the bytes of the old file if that was OBJ. All its lines stay except the faces at the
+/// cut. Polygons that were not cut stay polygons.
 ///
 /// # Errors
 /// `Io` if the file cannot be written.
@@ -67,19 +69,20 @@ struct Rewriter<'a> {
     source: String,
     old: &'a Mesh,
     opened: &'a OpenedFace,
-    /// Lines of vertices, texture coordinates and normals so far, and their numbers.
+    /// The lines of vertices, texture coordinates and normals so far. `values` are their numbers.
     lines: [Vec<String>; 3],
     values: [Vec<Vec<f32>>; 3],
-    /// Texture coordinates and normals in between, which stand behind those of the file.
+    /// Interpolated texture coordinates and normals, which follow those of the file.
     added: [Vec<Vec<f32>>; 3],
-    /// New triangles of each old one, and those of the bag that take their material from it.
+    /// For each old triangle its new pieces, and the new triangles behind the cut that begin at it.
     pieces: Vec<Vec<usize>>,
-    /// Of vertices, texture coordinates and normals in the whole file.
+    /// Number of vertices, texture coordinates and normals in the whole source.
     count: [usize; 3],
-    /// Lines in force that name a group and a material.
+    /// The current `g` line. `material` is the current `usemtl` line.
     group: String,
     material: Option<String>,
-    /// Faces of the bag that are still to be written.
+    /// Lines of the bag's faces so far. They are written when `bag_left`, the number still to come,
+    /// is 0.
     bag: String,
     bag_left: usize,
 }
@@ -159,8 +162,8 @@ impl<'a> Rewriter<'a> {
         out
     }
 
-    /// Writes one polygon, or its pieces if it was cut. `first`: the number of its first triangle. Returns the number
-    /// of the next polygon's first triangle.
+    /// Writes one polygon, or its pieces if it was cut. `first`: the number of its first triangle.
+    /// Returns the number of the next polygon's first triangle.
     fn add_polygon(&mut self, corners: &[Corner], first: usize, text: &mut String) -> usize {
         let polygon: Vec<u32> = corners.iter().map(|c| c[0].unwrap_or(0) as u32).collect();
         let mut triangles = Vec::new();
@@ -205,7 +208,7 @@ impl<'a> Rewriter<'a> {
         next
     }
 
-    /// Writes the bag as a separate group. Behind it the group and the material before apply again.
+    /// Writes the bag as a separate group. After it, the previous group and material apply again.
     fn add_bag(&mut self, text: &mut String) {
         let bag = std::mem::take(&mut self.bag);
         let _ = writeln!(text, "g {BAG}");
@@ -237,7 +240,8 @@ impl<'a> Rewriter<'a> {
         ]
     }
 
-    /// A corner between those of a triangle. Adds texture coordinates and a normal in between.
+    /// A corner at these `shares` of a triangle's corners. Unless it is one of them, adds interpolated
+    /// texture coordinates and a normal for it.
     fn mixed(&mut self, vertex: usize, around: &[Corner; 3], shares: [f32; 3]) -> Corner {
         let mut out = [Some(vertex), None, None];
         for kind in 1..3 {
@@ -310,7 +314,8 @@ usemtl eyes
 f 1/1 2/2 4/3
 ";
 
-    /// The second face cut in two between vertices 2 and 5, and one face of a bag.
+    /// The second face is cut in two at the middle of the edge between vertices 2 and 5, and a bag of
+    /// one face is added.
     fn opened() -> (Mesh, OpenedFace) {
         let old = Mesh::parse(SOURCE.as_bytes()).unwrap();
         let whole = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

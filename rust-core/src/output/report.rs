@@ -1,4 +1,4 @@
-//! What a run did, for machines and for people: sizes, times, and why nothing moves if nothing does.
+//! The report of a run, for machines and people: sizes, times, and the reason if nothing moves.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,10 @@ use crate::{
     speech::HeardEmotion,
 };
 
-/// Share of samples at full scale from which a sound counts as clipped.
+/// A sound counts as clipped if more than this share of its samples is at full scale.
 const CLIPPED_SHARE: f64 = 0.005;
 
-/// A run in numbers; every field that does not apply is left out of the JSON.
+/// A run in numbers. The JSON leaves out every field that does not apply.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Report {
     /// Version of the library.
@@ -25,10 +25,10 @@ pub struct Report {
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Length of the sound.
+    /// Length of the sound, seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audio_s: Option<f64>,
-    /// Seconds of the sound that a damaged file has lost.
+    /// Seconds of sound that are missing from a damaged file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub missing_audio_s: Option<f64>,
     /// Number of vertices.
@@ -37,32 +37,33 @@ pub struct Report {
     /// Largest displacement of any vertex, mesh units.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_displacement: Option<f32>,
-    /// The same on a human head.
+    /// The same on a human head, millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_displacement_mm: Option<f32>,
-    /// Largest displacement of any landmark on a human head.
+    /// Largest displacement of any landmark on a human head, millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_landmark_displacement_mm: Option<f32>,
-    /// Least and mean confidence of the landmarks.
+    /// Lowest and mean confidence of the landmarks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub landmark_confidence: Option<[f32; 2]>,
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,
-    /// What `--emotion auto` heard: `time_s`, and at each of them the probability of every emotion, the intensity that
-    /// is shown, and valence and arousal.
+    /// What `--emotion auto` heard: the times `time_s`, and at each of them the probability of every
+    /// emotion, the intensity that the face shows, and valence and arousal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heard_emotion: Option<HeardEmotion>,
-    /// Most memory that the job takes at a time, as far as that is known before it starts; MB of 2²⁰ bytes.
+    /// Most memory that the job takes at any time, as far as known before it starts, in MB of 2²⁰
+    /// bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_mb: Option<u64>,
-    /// Seconds that each stage took.
+    /// Duration of each stage, seconds.
     pub seconds: BTreeMap<String, f64>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// What is wrong with a sound that can still be used.
+/// Warnings about a sound that has faults but can still be used.
 pub fn warnings_of_sound(levels: &Levels) -> Vec<String> {
     let mut warnings = Vec::new();
     if levels.is_silent() {
@@ -88,9 +89,11 @@ pub fn warnings_of_sound(levels: &Levels) -> Vec<String> {
 }
 
 impl Report {
-    /// Notes how far things move, and warns where nobody sees a face speak.
+    /// Notes how far mesh and landmarks move. Warns if that is too little to see the face speak, or
+    /// more than a face can move.
     ///
-    /// `extent`: mesh units, `metres_per_unit` long. `articulation`: the control's value.
+    /// `extent`: in mesh units. `metres_per_unit`: length of a mesh unit. `articulation`: the value of
+    /// the control.
     pub fn note_motion(&mut self, extent: &Extent, metres_per_unit: f64, articulation: f32) {
         let to_mm = 1000.0 * metres_per_unit as f32;
         let moved_mm = to_mm * extent.landmarks;

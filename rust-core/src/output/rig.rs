@@ -1,4 +1,4 @@
-//! Rigs as numpy archives, and as a folder with one OBJ a shape.
+//! Writes and reads rigs as numpy archives, and writes them as a folder with one OBJ per shape.
 
 use std::{
     fs::File,
@@ -20,7 +20,8 @@ use crate::{
 /// units and axes.
 ///
 /// # Errors
-/// `ShapeMismatch` if the mesh is not the rig's, `Io` if the file cannot be written.
+/// `ShapeMismatch` if mesh and rig differ in their number of vertices, `Io` if the file cannot be
+/// written.
 pub fn write_rig(path: &Path, rig: &Rig, mesh: &Mesh) -> Result<()> {
     check(rig, mesh)?;
     write_atomically(path, |file| {
@@ -37,11 +38,12 @@ pub fn write_rig(path: &Path, rig: &Rig, mesh: &Mesh) -> Result<()> {
     })
 }
 
-/// Reads what [`write_rig`] writes; `names` may be any numpy array of text, deltas f32.
+/// Reads what [`write_rig`] writes. `names` may be any numpy array of Unicode text, `deltas` may be
+/// f32, f64 or integers.
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is no such archive, `ShapeMismatch` if
-/// names and deltas differ in number.
+/// `Io` if the file cannot be read; `InvalidInput` if it is no such archive or its deltas are not
+/// finite; `ShapeMismatch` if `deltas` is not `[S, V, 3]` with one shape for each name.
 pub fn read_rig(path: &Path) -> Result<Rig> {
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
     let mut npz = NumpyArchive::open(path)?;
@@ -67,12 +69,13 @@ pub fn read_rig(path: &Path) -> Result<Rig> {
 
 /// Writes `neutral.obj` and `NAME.obj` for every shape at strength 1 into `folder`.
 ///
-/// `source`: the bytes of the OBJ the mesh was read from; then everything but the positions stays
-/// as it is there (polygons, texture coordinates, groups). Without it the mesh's triangles are
-/// written.
+/// `source`: the bytes of the OBJ that the mesh was read from. Everything in it stays (polygons,
+/// texture coordinates, groups) except the positions and the material libraries. Without `source`
+/// the triangles of the mesh are written.
 ///
 /// # Errors
-/// `ShapeMismatch` if the mesh is not the rig's, `Io` if the folder cannot be written.
+/// `ShapeMismatch` if mesh and rig differ in their number of vertices, `Io` if the folder cannot be
+/// written.
 pub fn write_rig_folder(
     folder: &Path,
     rig: &Rig,
@@ -110,7 +113,8 @@ fn check(rig: &Rig, mesh: &Mesh) -> Result<()> {
     }
 }
 
-/// The source with other positions; material libraries are left out, they lie elsewhere.
+/// Writes the source with other positions. Leaves out the names of material libraries, because those
+/// lie in another folder.
 fn rewrite(
     file: &mut BufWriter<File>,
     source: &str,

@@ -1,4 +1,4 @@
-//! Numbers that wait in a file until they can be written behind others.
+//! Keeps numbers in a temporary file until they can be written after others.
 
 use std::{
     fs::File,
@@ -10,19 +10,20 @@ use ndarray::ArrayViewD;
 
 use crate::{Error, Result};
 
-/// Values that are turned into bytes at a time.
+/// Number of values that are converted to bytes at a time.
 const BATCH: usize = 1 << 16;
 
-/// Rows of an array, which grows. They lie in a file that has no name and goes with the process.
+/// Rows of a growing array, in an unnamed temporary file that disappears with the process.
 pub(super) struct Rows {
-    /// Where they are to be written, for errors.
+    /// The path of the final file, for error messages.
     path: PathBuf,
     file: BufWriter<File>,
     shape: Vec<usize>,
 }
 
 impl Rows {
-    /// None yet, in the folder of `path`, which has room for what is written there.
+    /// No rows yet. The temporary file lies in the folder of `path`, which must have room for the
+    /// result anyway.
     ///
     /// # Errors
     /// `Io` if the folder cannot be written to.
@@ -39,7 +40,7 @@ impl Rows {
         })
     }
 
-    /// Adds rows `[t, …]`, each of one shape.
+    /// Adds rows `[t, …]`, all of the same shape.
     ///
     /// # Errors
     /// `Io` if they cannot be written.
@@ -50,15 +51,15 @@ impl Rows {
         write_values(&mut self.file, rows).map_err(Error::io(&self.path))
     }
 
-    /// `[T, …]`.
+    /// Shape of the array so far, `[T, …]`.
     pub(super) fn shape(&self) -> &[usize] {
         &self.shape
     }
 
-    /// Copies all rows.
+    /// Copies all rows to a writer.
     ///
     /// # Errors
-    /// Of either file.
+    /// Those of either file.
     pub(super) fn copy_to(self, to: &mut impl Write) -> io::Result<()> {
         let mut file = self.file.into_inner()?;
         file.seek(SeekFrom::Start(0))?;
@@ -66,7 +67,7 @@ impl Rows {
     }
 }
 
-/// Writes values as `<f4`, the last axis fastest.
+/// Writes values as `<f4`, with the last axis fastest.
 pub(super) fn write_values(to: &mut impl Write, values: ArrayViewD<'_, f32>) -> io::Result<()> {
     let values = values.as_standard_layout();
     let mut batch = vec![0; BATCH * 4];

@@ -1,4 +1,4 @@
-//! What files of scenes show.
+//! The contents of a scene file, and how its face is oriented.
 
 use crate::{
     Result,
@@ -6,7 +6,7 @@ use crate::{
     motion::Life,
 };
 
-/// What a file shows beside the moving vertices.
+/// The contents of a scene file other than the motion of the vertices.
 pub(super) struct Scene<'a> {
     pub mesh: &'a Mesh,
     /// At rest, mesh units.
@@ -14,18 +14,18 @@ pub(super) struct Scene<'a> {
     pub life: Option<&'a Life>,
     /// The bytes of the file that the mesh was read from, unchanged.
     pub source: Option<&'a [u8]>,
-    /// The name of the sound's file beside this one.
+    /// The name of the sound file beside this one.
     pub sound: Option<&'a str>,
 }
 
 impl<'a> Scene<'a> {
-    /// The file that the mesh was read from where that is a GLB, all else of which is to stay.
+    /// The file that the mesh was read from, if it is a GLB. The rest of its contents must stay.
     pub fn glb(&self) -> Option<&'a [u8]> {
         self.source.filter(|bytes| bytes.starts_with(b"glTF"))
     }
 }
 
-/// Whether the mesh's axis nearest to the face's way up is z, as in many programs of modelling, and not y.
+/// Whether the face's up axis in the mesh is nearer to z, as in many modelling programs, than to y.
 ///
 /// # Errors
 /// Those of [`hinges`].
@@ -34,7 +34,7 @@ pub(super) fn is_z_up(scene: &Scene<'_>) -> Result<bool> {
     Ok(z.abs() > y.abs())
 }
 
-/// From canonical axes, whose origin lies between the jaw's hinges, to the mesh.
+/// The transform from canonical axes, whose origin lies between the jaw's hinges, to the mesh.
 ///
 /// # Errors
 /// `Numerics` for landmarks that all lie in one place.

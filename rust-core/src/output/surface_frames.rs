@@ -1,4 +1,4 @@
-//! A surface over time as a folder with one binary PLY a frame.
+//! Writes a moving surface as a folder with one binary PLY per frame.
 
 use std::{
     fs,
@@ -16,14 +16,14 @@ use crate::{
     job::{ProgressFn, report},
 };
 
-/// Digits of a frame's number, at least.
+/// Minimum number of digits in a frame's file name.
 const DIGITS: usize = 4;
 
-/// Checks that a new folder can stand at `path`: nothing is there, or a folder that holds nothing.
+/// Checks that a new folder can be made at `path`: there is nothing yet, or an empty folder.
 ///
 /// # Errors
-/// `InvalidInput` for a file, and for a folder with something in it, which is not to be mixed with frames; `Io` if it
-/// cannot be read.
+/// `InvalidInput` for a file, and for a folder that is not empty, because its contents must not mix
+/// with frames; `Io` if the folder cannot be read.
 pub fn check_new_folder(path: &Path) -> Result<()> {
     let wrong = |got: String| {
         let path = path.display();
@@ -51,9 +51,11 @@ pub fn check_new_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes the surface under codes `[T, X]` into a new folder, `0001.ply` for the first frame, in the units and axes of
-/// the surface; the folder is there when the last frame was written, and never half. Returns how far the vertex that
-/// moves most moves from rest.
+/// Writes the surface under codes `[T, X]` into a new folder, with the first frame in `0001.ply`, in
+/// the units and axes of the surface.
+///
+/// The folder appears once the last frame is written. Returns the largest displacement of any vertex
+/// from rest.
 ///
 /// # Errors
 /// Those of [`check_new_folder`]; `InvalidInput` for codes of another head; `Io` if a file cannot be written;
@@ -84,7 +86,7 @@ pub fn write_surface_frames(
     Ok(most.sqrt())
 }
 
-/// A path without a separator at its end, and through a link what that leads to.
+/// A path without a separator at its end. Follows links if the path exists.
 fn without_end(path: &Path) -> PathBuf {
     path.canonicalize()
         .unwrap_or_else(|_| path.components().collect())

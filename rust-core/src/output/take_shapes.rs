@@ -1,4 +1,4 @@
-//! A take as weights of the shapes of its mesh, for files that avatars and engines open.
+//! Turns a take into weights of the shapes of its mesh, for files that avatars and engines open.
 
 use std::sync::Arc;
 
@@ -13,13 +13,13 @@ use crate::{
     rig::{ARKIT, SolveOptions, meeting_lips, parts::GAZE_DEGREES, solve},
 };
 
-/// Visemes that VRM has expressions for, in the order of [`VOWELS`].
+/// Visemes for which VRM has expressions, in the order of [`VOWELS`].
 pub(super) const VOWEL_SHAPES: [&str; 5] =
     ["viseme_aa", "viseme_I", "viseme_U", "viseme_E", "viseme_O"];
-/// VRM's expressions of them.
+/// The VRM expressions for them.
 pub(super) const VOWELS: [&str; 5] = ["aa", "ih", "ou", "ee", "oh"];
 
-/// The shapes of a take's mesh, on which its weights are solved.
+/// The shapes of a take's mesh, for which its weights are solved.
 #[derive(Debug, Clone)]
 pub struct TakeShapes {
     rig: Arc<Rig>,
@@ -27,7 +27,7 @@ pub struct TakeShapes {
 }
 
 impl TakeShapes {
-    /// `landmarks`: the vertices nearest to them, which say where the lips meet.
+    /// `landmarks`: the vertex nearest to each landmark. They determine where the lips meet.
     pub fn new(rig: Arc<Rig>, landmarks: &[u32; LANDMARKS]) -> TakeShapes {
         TakeShapes {
             rig,
@@ -39,13 +39,13 @@ impl TakeShapes {
         &self.rig
     }
 
-    /// Vertices of the upper and of the lower lip that meet.
+    /// Pairs of vertices of the upper and the lower lip that meet.
     pub(super) fn lips(&self) -> &[[u32; 2]] {
         &self.lips
     }
 
-    /// Weights `[T, 52]` of [`ARKIT`] in a clip `[T, V, 3]` of mesh units; eyes look where the take has them look, which its
-    /// vertices do not show.
+    /// Solves a clip `[T, V, 3]` in mesh units for weights `[T, 52]` of [`ARKIT`]. The weights of
+    /// `eyeLook` shapes come from the gaze of the take, because the clip does not turn the eyes.
     ///
     /// # Errors
     /// Those of [`solve`].
@@ -66,7 +66,7 @@ impl TakeShapes {
         Ok(weights)
     }
 
-    /// Weights `[T, 5]` of [`VOWELS`], where a face has no other shapes of the mouth.
+    /// Weights `[T, 5]` of [`VOWELS`], solved without any other shapes of the mouth.
     ///
     /// # Errors
     /// Those of [`solve`].
@@ -87,7 +87,7 @@ impl TakeShapes {
         Ok(weights)
     }
 
-    /// A clip without what these weights `[T, 52]` do.
+    /// The clip minus the displacements that these weights `[T, 52]` cause.
     fn without(&self, weights: &Array2<f32>, moved: ArrayView3<'_, f32>) -> Array3<f32> {
         let mut left = moved.to_owned();
         for (name, column) in ARKIT.iter().zip(weights.columns()) {
@@ -103,7 +103,7 @@ impl TakeShapes {
         left
     }
 
-    /// Solves for shapes of these names that the rig has; `take` receives name, frame and weight.
+    /// Solves for the shapes of these names that the rig has. `take` receives name, frame and weight.
     fn solve<'a>(
         &self,
         names: &[&'a str],
@@ -141,14 +141,14 @@ fn number(name: &str) -> usize {
     place.expect("a name of ARKit")
 }
 
-/// Weights `[T, 52]` of the shapes by which eyes look.
+/// Weights `[T, 52]` with the gaze in the `eyeLook` shapes. All other weights are 0.
 pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
     let mut weights = Array2::zeros((frames, ARKIT.len()));
     let Some(life) = life else {
         return weights;
     };
     let [up, down, inward, outward] = GAZE_DEGREES;
-    // The right eye comes first; it looks in where it looks to the subject's left.
+    // The right eye comes first. It looks in when it looks to the subject's left.
     for (eye, (side, left, right)) in [("Right", "In", "Out"), ("Left", "Out", "In")]
         .into_iter()
         .enumerate()
@@ -174,7 +174,7 @@ pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
 mod tests {
     use super::*;
 
-    /// A rig in which each of these shapes moves vertices of its own along y.
+    /// A rig in which each of these shapes moves two vertices of its own along y.
     fn rig(names: &[&str]) -> Arc<Rig> {
         let mut deltas = Array3::zeros((names.len(), 2 * names.len(), 3));
         for shape in 0..names.len() {

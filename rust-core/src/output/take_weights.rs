@@ -1,8 +1,9 @@
-//! Takes of one face as weights of ARKit's shapes, without the frames in between.
+//! Turns takes of one face into weights of ARKit's shapes without computing the frames in between.
 //!
-//! The weights are those that [`TakeShapes`] solves on all vertices. A solve needs only the products of the motion with
-//! the shapes, and the deformer computes these from landmarks ([`ShapeProducts`]). So a take costs the same on a mesh
-//! of any size, except for the vertices about mouth and eyes.
+//! The weights are the same that [`TakeShapes`] solves on all vertices. A solve needs only the
+//! products of the motion with the shapes, and the deformer computes these from landmarks
+//! ([`ShapeProducts`]). So a take costs the same on a mesh of any size, except for the vertices
+//! around the mouth and the eyes.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -18,36 +19,36 @@ use crate::{
     spread::{FaceTongue, closed_on},
 };
 
-/// The shapes of one face, ready for the takes of any number of lines.
+/// The shapes of one face, ready for any number of takes.
 pub struct TakeWeights {
     shapes: TakeShapes,
     rig: Arc<Rig>,
     solver: ShapeSolver,
-    /// Numbers of the shapes that remain to be solved for when the weights of looks are known.
+    /// Numbers of the shapes that are still unknown once the weights of the gaze are known.
     without_eyes: Vec<usize>,
-    /// `[52]`, by how much each shape parts the lips, millimetres on a human head.
+    /// `[52]`, how far each shape parts the lips, millimetres on a human head.
     opening_mm: Vec<f32>,
     quick: Option<Quick>,
 }
 
-/// What makes the products of landmark motion.
+/// Computes a take's sums from its landmark motion, without frames.
 struct Quick {
     products: Box<dyn ShapeProducts>,
-    /// Pairs of lip vertices among those that are shown.
+    /// Pairs of lip vertices, as indices into the shown vertices.
     lips: Vec<[u32; 2]>,
     tongue: Option<ShownTongue>,
 }
 
-/// A tongue among the vertices that are shown.
+/// The tongue, with its vertices as indices into the shown vertices.
 struct ShownTongue {
     tongue: FaceTongue,
-    /// `[3 shown, 52]`, the shapes there.
+    /// `[3 shown, 52]`, the shapes at the shown vertices.
     shapes: Array2<f32>,
 }
 
 impl TakeWeights {
-    /// Computes everything that does not depend on a take, in a few passes over the vertices. `rig`: of `face`; its
-    /// first shapes are [`ARKIT`].
+    /// Computes everything that does not depend on a take, in a few passes over the vertices.
+    /// `rig`: the rig of `face`, which starts with the shapes of [`ARKIT`].
     pub(crate) fn new(face: &Face, rig: Arc<Rig>, deformer: &dyn Deformer) -> TakeWeights {
         let shapes = TakeShapes::new(Arc::clone(&rig), &face.landmarks.vertices);
         let deltas = rig.deltas.slice(ndarray::s![..ARKIT.len(), .., ..]);
@@ -62,22 +63,24 @@ impl TakeWeights {
         }
     }
 
-    /// Whether takes of landmarks need no frames.
+    /// Whether takes of landmarks can be solved without their frames.
     pub fn is_quick(&self) -> bool {
         self.quick.is_some()
     }
 
-    /// Shapes of the face.
+    /// The shapes of the face.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// By how much weights `[T, 52]` part the lips further than at rest: `[T]`, millimetres on a human head.
+    /// How much further than at rest the weights `[T, 52]` part the lips: `[T]`, millimetres on a
+    /// human head.
     pub fn lip_gap_mm(&self, weights: &Array2<f32>) -> Vec<f32> {
         weights.dot(&ndarray::aview1(&self.opening_mm)).to_vec()
     }
 
-    /// Weights `[T, 52]` of a take of landmarks on the mean face; `None` where the solve needs all frames.
+    /// Weights `[T, 52]` of a take of landmarks on the mean face. `None` if the solve needs all
+    /// frames.
     ///
     /// # Errors
     /// Those of [`crate::rig::solve`].
@@ -117,7 +120,8 @@ impl TakeWeights {
         self.shapes.arkit(frames.view(), Some(life))
     }
 
-    /// Weights `[T, 52]` of a take that consists of weights, changed so that lips meet on this face.
+    /// Weights `[T, 52]` of a take that consists of weights, adjusted so that the lips meet on this
+    /// face.
     pub(crate) fn of_weights(&self, face: &Face, clip: &WeightClip, life: &Life) -> Array2<f32> {
         let closed = closed_on(face, &self.rig, clip);
         let mut weights = looks(closed.weights.nrows(), Some(life));
@@ -156,7 +160,8 @@ impl Quick {
         })
     }
 
-    /// The sums of a solve for the motion `landmarks` `[T, 68, 3]` of the face, mesh units, with the tongue of `life`.
+    /// The sums that a solve needs for the motion `landmarks` `[T, 68, 3]` of the face, mesh units,
+    /// with the tongue of `life`.
     fn sums(&self, landmarks: &Array3<f32>, life: &Life) -> Result<MotionSums> {
         let (mut products, mut moved) = self.products.of(landmarks.view())?;
         if let Some(ShownTongue { tongue, shapes }) = &self.tongue {
@@ -175,8 +180,8 @@ impl Quick {
     }
 }
 
-/// By how much each shape parts the lips: the mean over pairs of lip vertices, millimetres on a human head. `gaps`:
-/// `[52, 3 N]`, mesh units.
+/// How far each shape parts the lips: the mean over pairs of lip vertices, millimetres on a human
+/// head. `gaps`: `[52, 3 N]`, mesh units.
 fn opening_mm(face: &Face, gaps: &Array2<f64>) -> Vec<f32> {
     let to_mm = 1e3 * face.metres_per_unit();
     let pairs = (gaps.ncols() / 3).max(1) as f64;

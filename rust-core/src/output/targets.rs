@@ -1,9 +1,10 @@
 //! A clip or a rig as morph targets: sparse shapes, each with a weight from 0 to 1 in every frame.
 //!
-//! Files of scenes hold no vertex positions over time, or hold them so that few programs can read them. All programs
-//! read shapes and weights. Many set weights below 0 to 0. So the weights of a component are raised until none is below
-//! 0, and one more shape of weight 1 takes back what that adds. All weights at 0 give the mesh at rest, and half of all
-//! weights gives half the motion.
+//! Scene files hold no vertex positions over time, or hold them in a way that few programs can
+//! read. All programs read shapes and weights, but many set weights below 0 to 0. So the weights
+//! of a component are raised until none is below 0, and one more shape of weight 1 subtracts what
+//! that adds. If all weights are 0, the mesh is at rest. If all weights are halved, so is the
+//! motion.
 
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
 
@@ -16,12 +17,12 @@ use crate::{
     rig::{ARKIT, EyeLook},
 };
 
-/// Largest distance of a vertex from its place, in any frame under the shapes of a clip, metres on a head of human
-/// size.
+/// How far the shapes of a clip may leave a vertex from its place in any frame, metres on a head
+/// of human size.
 const MAX_ERROR_M: f32 = 7e-6;
-/// Largest further distance from displacements that all shapes together leave out at a vertex.
+/// How much further a vertex may be off because the shapes leave out small displacements, metres.
 const MAX_LEFT_OUT_M: f32 = 2e-6;
-/// A shape of a rig holds a vertex that it moves by more than this.
+/// A rig's shape lists the vertices that it moves by more than this along an axis, metres.
 const LEAST_M: f32 = 2e-6;
 /// Outer corners of the eyes.
 const EYES: (usize, usize) = (36, 45);
@@ -29,23 +30,23 @@ const EYES: (usize, usize) = (36, 45);
 /// One shape.
 pub(super) struct Target {
     pub name: String,
-    /// Vertices with their displacements at weight 1, mesh units, in the order of their numbers.
+    /// Vertices with their displacements at weight 1, mesh units, ordered by vertex number.
     pub moved: Vec<(u32, [f32; 3])>,
 }
 
 /// Shapes, and their weights over time.
 pub(super) struct Targets {
     pub shapes: Vec<Target>,
-    /// `[T, N]`, within 0 to 1; no frames where nothing plays.
+    /// `[T, N]`, within 0 to 1. No frames if nothing plays.
     pub weights: Array2<f32>,
     /// Frames per second.
     pub fps: f64,
-    /// Whether a shape is looked at alone, so that it deserves normals of its own.
+    /// Whether users look at the shapes one by one, so that each needs normals of its own.
     pub stand_alone: bool,
 }
 
 impl Targets {
-    /// Of a clip on a mesh with these landmarks at rest.
+    /// Makes the shapes of a clip. `landmarks`: those of its mesh at rest.
     ///
     /// # Errors
     /// Those of [`compress`].
@@ -88,8 +89,8 @@ impl Targets {
         })
     }
 
-    /// Adds shapes of eyes that look, with their weights from `[T, 52]` of [`ARKIT`]. Looks whose weight stays 0 are
-    /// left out.
+    /// Adds shapes that turn the eyes. `weights`: `[T, 52]` of [`ARKIT`]. Shapes whose weight stays
+    /// 0 are left out.
     pub(super) fn with_looks(mut self, eyes: &[EyeLook], weights: ArrayView2<'_, f32>) -> Targets {
         for look in eyes {
             let place = ARKIT.iter().position(|name| *name == look.name);
@@ -106,8 +107,8 @@ impl Targets {
         self
     }
 
-    /// The shapes of a rig with these names, in this order, without weights over time. Shapes that the rig lacks and
-    /// shapes that move nothing are left out.
+    /// The shapes of a rig with these names, in this order, without weights over time. Shapes that
+    /// the rig lacks and shapes that move nothing are left out.
     pub(super) fn of_rig<'a>(
         rig: &Rig,
         names: impl IntoIterator<Item = &'a str>,
@@ -129,7 +130,8 @@ impl Targets {
         }
     }
 
-    /// Adds weights over time, `[T, S]`, of shapes with these names. Shapes without a name in the list stay at 0.
+    /// Sets the weights over time to `[T, S]`, one column for each of `names`. Shapes that are not
+    /// in `names` stay at 0.
     pub(super) fn playing(self, names: &[&str], weights: ArrayView2<'_, f32>, fps: f64) -> Targets {
         let mut target_weights = Array2::zeros((weights.nrows(), self.shapes.len()));
         for (mut column, shape) in target_weights.axis_iter_mut(Axis(1)).zip(&self.shapes) {
@@ -145,8 +147,8 @@ impl Targets {
     }
 }
 
-/// Sets the smallest displacements of shapes `[K, V, 3]` to 0 so that no vertex loses more than `most` in any frame.
-/// The weights are within −1 to 1.
+/// Sets the smallest displacements of shapes `[K, V, 3]` to 0. No vertex loses more than `most` in
+/// any frame, since the weights lie within −1 to 1.
 fn leave_out(shapes: &mut ndarray::Array3<f32>, most: f32) {
     for mut vertex in shapes.axis_iter_mut(Axis(1)) {
         let length = |row: ndarray::ArrayView1<'_, f32>| row.dot(&row).sqrt();
@@ -163,7 +165,7 @@ fn leave_out(shapes: &mut ndarray::Array3<f32>, most: f32) {
     }
 }
 
-/// What a shape `[V, 3]` times a scale moves by more than `least`.
+/// The vertices that a shape `[V, 3]` times `scale` moves by more than `least` along an axis.
 fn sparse(shape: ArrayView2<'_, f32>, scale: f32, least: f32) -> Vec<(u32, [f32; 3])> {
     let rows = shape.outer_iter().enumerate();
     let moved = rows.map(|(v, row)| (v as u32, [0, 1, 2].map(|i| scale * row[i])));

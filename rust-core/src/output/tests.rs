@@ -43,7 +43,7 @@ fn landmarks(animation: &Animation) -> Rows {
     rows
 }
 
-/// Frames whose landmarks rest.
+/// Frames whose landmarks stay at rest.
 fn block(displacements: Array3<f32>) -> FrameBlock {
     let landmarks = Array3::zeros((displacements.dim().0, LANDMARKS, 3));
     FrameBlock {
@@ -200,7 +200,7 @@ fn unknown_extensions_and_foreign_meshes_are_refused() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// A disk with room for so many bytes.
+/// A disk with room for `room` bytes.
 struct SmallDisk {
     inner: Cursor<Vec<u8>>,
     room: usize,

@@ -1,7 +1,9 @@
-//! USD as text (.usda): a mesh with blend shapes, their weights over time, and a joint that turns the head.
+//! USD as text (.usda): a mesh with blend shapes, their weights over time, and a joint that turns
+//! the head.
 //!
-//! Written by hand: the format's own library is C++ of a hundred megabytes, and a scene of this kind is a few dozen lines around its
-//! numbers. Joints and blend shapes are those of the schema UsdSkel, which every program that reads USD characters knows.
+//! This module writes the text itself, because the format's own library is a hundred megabytes of
+//! C++ and such a scene is only a few dozen lines around its numbers. Joints and blend shapes
+//! follow the schema UsdSkel, which every program that reads USD characters knows.
 
 use std::{
     io::{self, Write},
@@ -16,13 +18,13 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Numbers of a row of text.
+/// Items in a row of text.
 const PER_ROW: usize = 8;
 
 /// Writes the scene at `path`.
 ///
 /// # Errors
-/// Those of the writer, and of landmarks that no face has.
+/// `Io` of the writer, and `Numerics` for landmarks that all lie in one place.
 pub(super) fn write_usd(
     (file, path): (&mut impl Write, &Path),
     scene: &Scene<'_>,
@@ -34,7 +36,7 @@ pub(super) fn write_usd(
 
 /// The joint that turns the head.
 struct Joint {
-    /// Between the jaw's hinges, mesh units.
+    /// The point between the jaw's hinges, mesh units.
     place: [f32; 3],
     /// `[T]`
     turns: Vec<Quat>,
@@ -79,7 +81,7 @@ fn write(
     writeln!(file, "}}")
 }
 
-/// Units, axes and times of the file, and the name of its sound.
+/// Writes units, axes and times of the file, and the name of its sound file.
 fn header(
     file: &mut impl Write,
     scene: &Scene<'_>,
@@ -104,7 +106,7 @@ fn header(
     writeln!(file, ")\n")
 }
 
-/// The joint at rest.
+/// Writes the joint at rest.
 fn skeleton(file: &mut impl Write, joint: &Joint) -> io::Result<()> {
     let [x, y, z] = joint.place;
     let placed = format!("[((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), ({x}, {y}, {z}, 1))]");
@@ -116,7 +118,7 @@ fn skeleton(file: &mut impl Write, joint: &Joint) -> io::Result<()> {
     )
 }
 
-/// The weights of the blend shapes and the turns of the joint over time.
+/// Writes the weights of the blend shapes and the turns of the joint over time.
 fn animation(
     file: &mut impl Write,
     targets: &Targets,
@@ -158,7 +160,7 @@ fn animation(
     writeln!(file, "    }}")
 }
 
-/// The mesh with its blend shapes.
+/// Writes the mesh with its blend shapes.
 fn mesh(
     file: &mut impl Write,
     scene: &Scene<'_>,
@@ -215,7 +217,7 @@ fn listed(items: impl Iterator<Item = String>) -> String {
     format!("[{}]", items.collect::<Vec<_>>().join(", "))
 }
 
-/// A list over several rows.
+/// Writes a list over several rows.
 fn rows(file: &mut impl Write, name: &str, items: impl Iterator<Item = String>) -> io::Result<()> {
     write!(file, "        {name} = [")?;
     for (n, item) in items.enumerate() {

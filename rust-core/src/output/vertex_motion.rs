@@ -1,4 +1,4 @@
-//! Motion of vertices back from files, ours or of other tools.
+//! Reads vertex motion from files, our own or those of other tools.
 
 use std::path::Path;
 
@@ -13,13 +13,13 @@ use crate::{
     nn::finite::check_finite,
 };
 
-/// Bytes of a point cache 2's header.
+/// Bytes of the header of a point cache 2 file.
 const PC2_HEADER: usize = 32;
 
-/// How many times the size of its mesh a vertex may move.
+/// How far a vertex may move, as a multiple of the size of its mesh.
 const FARTHEST: f32 = 50.0;
 
-/// Motion of a mesh as a file holds it.
+/// The motion of a mesh, read from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VertexMotion {
     /// `[T, V, 3]`, displacement from the mesh's own positions, mesh units.
@@ -31,9 +31,9 @@ pub struct VertexMotion {
 /// Reads npz (`displacements` `[T, V, 3]`, `fps`), pc2 or mdd (positions of the same mesh).
 ///
 /// # Errors
-/// `Io` if the file cannot be read, `InvalidInput` if it is damaged, of another kind or holds numbers that
-/// are not finite,
-/// `ShapeMismatch` if its vertices are not the mesh's in number.
+/// `Io` if the file cannot be read, `InvalidInput` if it is damaged, of another kind, holds numbers
+/// that are not finite or moves vertices too far for the mesh, `ShapeMismatch` if it has another
+/// number of vertices than the mesh.
 pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
     let bytes = || read_file(path, InputKind::Arrays);
     let motion = match Format::from_path(path)? {
@@ -53,7 +53,8 @@ pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
     Ok(motion)
 }
 
-/// Refuses motion that goes many times as far as the mesh is large: it belongs to another, or has another unit.
+/// Refuses displacements many times larger than the mesh: they belong to another mesh or are in
+/// another unit.
 fn check_far(displacements: &Array3<f32>, mesh: &Mesh) -> Result<()> {
     let mut size = 0.0f32;
     for axis in 0..3 {
@@ -157,7 +158,7 @@ fn mdd(bytes: &[u8], mesh: &Mesh) -> Result<VertexMotion> {
     })
 }
 
-/// Positions of all frames to displacements.
+/// Converts the positions of all frames to displacements.
 fn moved(
     bytes: &[u8],
     frames: usize,

@@ -1,6 +1,6 @@
-//! The shapes of a face by the field of the head most like it. Each shape is the motion under the
-//! code of its own weight, which is not linear in that weight. Shapes at half the weight can come
-//! with them.
+//! Makes the shapes of a face with the field of the head most like it. Each shape is the motion
+//! under the code of its weight, and this motion is not linear in the weight. So shapes at half the
+//! weight can be made as well.
 
 use ndarray::{Array2, Array3, Axis, s};
 
@@ -14,7 +14,7 @@ use crate::{
 
 /// Ending of the name of a shape at half its weight.
 const HALF: &str = "_half";
-/// Shapes that are made at a time.
+/// Shapes made at a time.
 const AT_ONCE: usize = 16;
 
 /// What makes the shapes of a face.
@@ -25,7 +25,7 @@ pub enum ShapeSource {
     /// The field of the parametric head most like the face moves the skin; see
     /// [`RigModel::by_field`].
     Field {
-        /// Whether ARKit's shapes at half their weight come with them.
+        /// Whether ARKit's shapes at half their weight are made as well.
         in_betweens: bool,
     },
 }
@@ -43,10 +43,10 @@ pub struct FieldOfFace<'a> {
 impl RigModel {
     /// The shapes of `linear`, with the skin moved by the field. ARKit's shapes that have a code
     /// come from the field, and so do the visemes, which are mixtures of them. Teeth, tongue,
-    /// eyeballs and `tongueOut` stay. With `in_betweens` a shape `NAME_half`, the face at weight
-    /// 0.5, follows for each of ARKit's shapes after all others.
+    /// eyeballs and `tongueOut` stay as they are in `linear`. With `in_betweens`, one more shape
+    /// `NAME_half` for each of ARKit's shapes follows at the end: the face at weight 0.5.
     ///
-    /// `mouthClose` is its difference from an open jaw, as ARKit defines it.
+    /// As ARKit defines it, `mouthClose` is what closing the lips adds to an open jaw.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
@@ -91,7 +91,7 @@ impl RigModel {
         Ok(reported(linear, deltas, scale))
     }
 
-    /// Weights of ARKit's shapes `[S, 52]` for every shape of the result.
+    /// The weights of ARKit's shapes for every shape of the result, `[S, 52]`.
     fn weights(&self, in_betweens: bool) -> Array2<f32> {
         let mut whole = Array2::eye(ARKIT.len());
         whole[[arkit("mouthClose"), arkit("jawOpen")]] = 1.0;
@@ -105,7 +105,7 @@ impl RigModel {
 }
 
 impl FieldOfFace<'_> {
-    /// The face under weights `[S, 52]`, `[S, V, 3]`, mesh units and axes.
+    /// Displacements `[S, V, 3]` of the face under weights `[S, 52]`, mesh units and axes.
     fn moved(
         &self,
         face: &Face,
@@ -147,7 +147,8 @@ impl FieldOfFace<'_> {
     }
 }
 
-/// Names and reports. The note of a shape of `linear` also holds for the same shape by the field.
+/// Makes a rig with names and reports. A shape by the field, whole or half, keeps the note that it
+/// has in `linear`.
 fn reported(linear: &Rig, deltas: Array3<f32>, scale: f32) -> Rig {
     let shapes = linear.names.len();
     let halves = ARKIT.iter().map(|name| format!("{name}{HALF}"));

@@ -1,5 +1,5 @@
-//! More equations of a solve, for lips that meet. Where the motion closes the lips, their gap
-//! counts more than all else, so that shapes that only open a mouth rest there.
+//! Adds equations to a solve so that lips meet. Where the motion closes the lips, their gap counts
+//! more than all else. So shapes that only open the mouth stay at 0 there.
 
 use ndarray::{Array1, Array2, ArrayView3, Axis, s};
 
@@ -7,20 +7,22 @@ use crate::mesh::ibug::{INNER_LIPS, LANDMARKS};
 
 /// Weight of the gap against the whole face in frames with closed lips.
 const WEIGHT: f64 = 3.0;
-/// Lips count as closed below the first share of the widest opening, and as open above the second.
+/// Lips count as closed below this share of the widest opening.
 const TOGETHER: f64 = 0.1;
+/// Lips count as open above this share of the widest opening.
 const APART: f64 = 0.2;
 /// The widest opening is this quantile of the frames' openings.
 const WIDE: f64 = 0.95;
 
-/// Vertices of the upper and of the lower lip that meet; `vertices`: those nearest to the landmarks.
+/// Pairs of an upper and a lower lip vertex that meet. `vertices`: the vertex nearest to each
+/// landmark.
 pub fn meeting_lips(vertices: &[u32; LANDMARKS]) -> Vec<[u32; 2]> {
     let pairs = INNER_LIPS.iter();
     let pairs = pairs.map(|(upper, lower)| [vertices[*upper], vertices[*lower]]);
     pairs.filter(|[upper, lower]| upper != lower).collect()
 }
 
-/// Equations of the gap for the weights.
+/// Equations for the weights that come from the gap between the lips.
 pub(super) struct Closures {
     /// `[S, S]`, products of the shapes' gaps.
     pub gram: Array2<f64>,
@@ -31,8 +33,9 @@ pub(super) struct Closures {
 }
 
 impl Closures {
-    /// Of `of_shapes` `[S, 3 N]` and `of_frames` `[T, 3 N]`, [`gaps`] of the shapes and of the motion; `gram` `[S, S]` are
-    /// products of whole shapes. `None` where the mouth does not open or no shape parts the lips.
+    /// Makes the equations. `of_shapes` `[S, 3 N]` and `of_frames` `[T, 3 N]`: [`gaps`] of the
+    /// shapes and of the motion. `gram` `[S, S]`: products of whole shapes. `None` if the mouth
+    /// does not open or no shape parts the lips.
     pub fn of(
         of_shapes: &Array2<f64>,
         of_frames: &Array2<f64>,
@@ -63,14 +66,15 @@ impl Closures {
         })
     }
 
-    /// Divides all by a unit.
+    /// Divides both sides of the equations by `unit`.
     pub fn divide(&mut self, unit: f64) {
         self.gram /= unit;
         self.right /= unit;
     }
 }
 
-/// Motion of the upper lip relative to the lower one, `[rows, 3 N]`. `lips`: `[N]` vertices that meet; `moved`: `[rows, V, 3]`.
+/// Motion of the upper lip relative to the lower one, `[rows, 3 N]`. `lips`: `[N]` pairs of
+/// vertices that meet. `moved`: `[rows, V, 3]`.
 pub(crate) fn gaps(lips: &[[u32; 2]], moved: ArrayView3<'_, f32>) -> Array2<f64> {
     let mut out = Array2::zeros((moved.dim().0, 3 * lips.len()));
     for (row, mut out) in moved.outer_iter().zip(out.rows_mut()) {

@@ -1,4 +1,4 @@
-//! Shapes, or parts of them, that are a decoder's answer to the shape's own landmarks.
+//! Shapes, or parts of shapes, that a decoder makes from the shape's own landmark motion.
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
@@ -10,8 +10,9 @@ use crate::{
     mesh::ibug::LANDMARKS,
 };
 
-/// Shapes whose folds lie between the landmarks: there the learned decoder, creases and all, is nearer
-/// to the truth than the network, on unseen faces of both kinds that were learned.
+/// Shapes whose folds lie between the landmarks. In these shapes the learned decoder, which makes
+/// creases, is nearer to the truth than the network. This was measured on unseen faces of both
+/// kinds that the decoder was trained on.
 const FOLDING: [&str; 5] = [
     "browDownLeft",
     "browDownRight",
@@ -26,11 +27,12 @@ const JAW: [&str; 4] = ["jawOpen", "jawForward", "jawLeft", "jawRight"];
 pub struct Learned<'a> {
     /// Moves the face.
     pub deformer: &'a dyn Deformer,
-    /// How far it is to be relied on for this face, 0 to 1.
+    /// How far to rely on it for this face, 0 to 1.
     pub share: f32,
 }
 
-/// Skin in the shapes that fold, `deltas` `[S, V, 3]` in centimetres, as the learned decoder moves it.
+/// Moves the skin in the folding shapes towards the motion of the learned decoder, by its share.
+/// `deltas`: `[S, V, 3]`, centimetres.
 pub(super) fn fold(
     face: &Face,
     head: &FaceSurface,
@@ -55,8 +57,9 @@ pub(super) fn fold(
     Ok(())
 }
 
-/// Parts that follow the jaw, as the face's own deformer moves them for the skin's landmarks, in the
-/// four shapes of the jaw: in others the chin's skin moves over a jaw at rest. Centimetres.
+/// In the four shapes of the jaw, moves the parts that follow the jaw as the face's own deformer
+/// does for the skin's landmarks. In other shapes the chin's skin moves over a jaw at rest.
+/// `deltas`: centimetres.
 pub(super) fn move_jaw(
     face: &Face,
     head: &FaceSurface,
@@ -75,7 +78,8 @@ pub(super) fn move_jaw(
     Ok(())
 }
 
-/// What `deform`, mesh units in and out, makes of the landmarks of one shape. Centimetres, `[V, 3]`.
+/// The motion that `deform` makes from the landmarks of one shape, `[V, 3]`, centimetres. `deform`
+/// takes and returns mesh units.
 fn decoded(
     face: &Face,
     shape: ArrayView2<'_, f32>,

@@ -1,27 +1,27 @@
-//! Lids meet under a blink, and pass through one another in no shape.
+//! Makes the lids meet in a blink, and keeps them from passing through each other in other shapes.
 //!
-//! How far a lid has to go depends on how far the eye is open, which differs from head to head more
-//! than a network trained on two faces can know. So each shape of one eye that narrows it is scaled
-//! as a whole: a blink until the lids meet, the others down to where they would.
+//! How far a lid has to travel depends on how wide the eye is open, and this differs between heads
+//! more than a network trained on two faces can know. So each shape that narrows an eye is scaled
+//! as a whole: a blink until the lids meet, any other shape only down, if its lids would cross.
 
 use ndarray::{Array3, Axis};
 
 use super::ARKIT;
 use crate::mesh::ibug::LANDMARKS;
 
-/// Pairs of upper and lower lid of each eye: the subject's right one, then the left one.
+/// Pairs of upper and lower lid landmarks of each eye: the subject's right one, then the left one.
 const LIDS: [(&str, [(usize, usize); 2]); 2] = [
     ("Right", [(37, 41), (38, 40)]),
     ("Left", [(43, 47), (44, 46)]),
 ];
-/// A blink is not stretched further than this.
+/// The most by which a blink is stretched, as a factor.
 const MOST: f32 = 1.6;
-/// A shape that narrows the eye by less is left alone, centimetres.
+/// A shape that narrows the eye by less than this is left alone, centimetres.
 const LEAST_CM: f32 = 0.05;
 
-/// Scales the shapes of both eyes in `deltas` `[S, V, 3]`, whose first are [`ARKIT`]'s.
+/// Scales the shapes of both eyes in `deltas` `[S, V, 3]`, which start with [`ARKIT`]'s.
 ///
-/// `landmarks`: of the neutral face, centimetres; `vertices`: nearest vertex of each.
+/// `landmarks`: those of the neutral face, centimetres. `vertices`: the vertex nearest to each.
 pub(super) fn meet(
     deltas: &mut Array3<f32>,
     landmarks: &[[f32; 3]; LANDMARKS],
@@ -57,7 +57,8 @@ pub(super) fn meet(
 mod tests {
     use super::*;
 
-    /// Every landmark its own vertex; lids `opening` apart; shapes close by 1 cm.
+    /// Shapes after `meet`. Every landmark is a vertex, the lids are `opening` apart, and each
+    /// shape narrows the eyes by 1 cm.
     fn after(opening: f32) -> Array3<f32> {
         let mut landmarks = [[0.0; 3]; LANDMARKS];
         let mut deltas = Array3::zeros((52, LANDMARKS, 3));

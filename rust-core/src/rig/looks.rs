@@ -1,18 +1,18 @@
-//! Eyes that look, without the lids about them.
+//! Shapes that turn only the eyeballs, without the lids around them.
 
 use super::parts::{Gaze, eyeballs};
 use crate::{Result, face::Face};
 
-/// What turns with an eye that looks.
+/// A shape that turns one eye in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EyeLook {
     /// A name of [`ARKIT`](super::ARKIT).
     pub name: &'static str,
-    /// Vertices with their displacements at weight 1, mesh units, in the order of their numbers.
+    /// Vertices with their displacements at weight 1, mesh units, ordered by vertex number.
     pub moved: Vec<(u32, [f32; 3])>,
 }
 
-/// Names of ways to look, of the right and of the left eye.
+/// Names of the shapes that look each way, for the right and the left eye.
 const WAYS: [(Gaze, [&str; 2]); 4] = [
     (Gaze::Up, ["eyeLookUpRight", "eyeLookUpLeft"]),
     (Gaze::Down, ["eyeLookDownRight", "eyeLookDownLeft"]),
@@ -20,7 +20,7 @@ const WAYS: [(Gaze, [&str; 2]); 4] = [
     (Gaze::Out, ["eyeLookOutRight", "eyeLookOutLeft"]),
 ];
 
-/// Each eyeball of a face that turns, in the four ways to look; as the rig of the face turns it.
+/// Each eyeball of a face in each of the four directions, turned as in the rig of the face.
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face.

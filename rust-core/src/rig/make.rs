@@ -23,14 +23,14 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the rig model.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::RIG);
 /// Vertices whose shapes are computed at a time.
 const VERTICES_PER_TASK: usize = 1024;
 /// Landmarks whose weights one call of the deformer measures.
 const LANDMARKS_PER_PROBE: usize = 17;
 
-/// The trained network and what all rigs share.
+/// The trained network, and the mixtures of the visemes that all rigs share.
 pub struct RigModel {
     network: RigNetwork,
     /// `[15, 52]`.
@@ -45,7 +45,7 @@ struct Config {
 }
 
 impl RigModel {
-    /// The built-in model, or that of `folder/rig`.
+    /// Opens the built-in model, or the one in `folder/rig`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
@@ -70,8 +70,8 @@ impl RigModel {
         })
     }
 
-    /// Makes the shapes of a face. `plain` spreads landmark motion over it by the training-free
-    /// weights, with which the network was trained. `learned` folds the forehead.
+    /// Makes the shapes of a face. `plain` spreads landmark motion over the face with the
+    /// training-free weights that the network was trained with. `learned` folds the forehead.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
@@ -110,7 +110,7 @@ impl RigModel {
         Ok(Rig::new(deltas, scale, &eyes, &tongue).with_notes_of(&face.features()))
     }
 
-    /// Moves the skin and what follows it; centimetres. `base`: `[V, 68]`.
+    /// Moves the skin and what follows it, centimetres. `base`: landmark weights `[V, 68]`.
     fn move_skin(&self, head: &FaceSurface, base: ArrayView2<'_, f32>, deltas: &mut Array3<f32>) {
         let skin = head.followed();
         let landmarks = head.landmarks.map(|p| p.map(|x| 0.1 * x));
@@ -195,7 +195,7 @@ impl Rig {
         }
     }
 
-    /// Notes for shapes that rest which feature was not found.
+    /// Adds a note to each shape that does not move because its feature was not found on the face.
     fn with_notes_of(mut self, features: &Features) -> Rig {
         for report in &mut self.reports {
             if !report.present && features.of_shape(&report.name) == 0.0 {
@@ -206,7 +206,7 @@ impl Rig {
     }
 }
 
-/// Shapes of what the face lacks rest, in place.
+/// Scales down the shapes of features that the face lacks, in place.
 fn leave_out(features: &Features, deltas: &mut Array3<f32>) {
     for (name, mut shape) in ARKIT.iter().zip(deltas.outer_iter_mut()) {
         let share = features.of_shape(name);
@@ -272,7 +272,7 @@ fn turn_eyes(eyes: &[Eyeball], positions: &[[f32; 3]], deltas: &mut Array3<f32>)
     }
 }
 
-/// From canonical centimetres to the mesh's own units and axes, in place.
+/// Converts canonical centimetres to the mesh's own units and axes, in place.
 fn to_mesh(deltas: &mut Array3<f32>, to_canonical: &Similarity) {
     for mut shape in deltas.outer_iter_mut() {
         let metres = shape.mapv(|x| 0.01 * x).insert_axis(Axis(0));
@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// Above `height` the shape is the decoder's motion of its landmarks.
+    /// Checks that above `height` the shape equals the decoder's motion for its landmarks.
     fn folds_as_decoded(
         name: &str,
         shape: ArrayView2<'_, f32>,
@@ -443,7 +443,7 @@ mod tests {
         assert_eq!(moved("eyeBlinkLeft", eye, 1), 0.0);
     }
 
-    /// Vertices of each object of the file.
+    /// The range of vertices of each object in the file.
     fn parts_of_default_head() -> BTreeMap<String, std::ops::Range<usize>> {
         let path =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head/head.obj");

@@ -1,10 +1,12 @@
-//! A rig from nothing: the 52 ARKit shapes and the 15 Oculus visemes of any head, and the way back
-//! from a vertex animation to weights of those shapes.
+//! Makes a rig for any head, with the 52 ARKit shapes and the 15 Oculus visemes. Also turns a
+//! vertex animation back into weights of those shapes.
 //!
-//! [`RigModel`] makes a [`Rig`](crate::face::Rig): on the skin each shape is the landmark motion of a mean face,
-//! spread by the face's own [`crate::face::Deformer`], plus a [`network`]'s correction; raised brows
-//! fold the forehead as the learned decoder does; jaw parts follow the jaw, eyeballs turn, a tongue of its own comes out ([`parts`]). [`solve`] turns motion
-//! of vertices into weights. Where a parametric head is like the face, its field may move the skin instead.
+//! [`RigModel`] makes a [`Rig`](crate::face::Rig). On the skin each shape is the landmark motion of
+//! a mean face, spread by the face's own [`crate::face::Deformer`], plus the correction of a
+//! [`network`]. Raised and lowered brows fold the forehead as the learned decoder does. Jaw parts
+//! follow the jaw, eyeballs turn, and a tongue that is a separate part comes out ([`parts`]).
+//! [`solve`] turns motion of vertices into weights. If a parametric head is like the face, its
+//! field may move the skin instead.
 
 mod by_field;
 pub(crate) mod closures;

@@ -84,7 +84,7 @@ pub fn mirrored_name(name: &str) -> String {
     }
 }
 
-/// Number of an ARKit shape that is known to be one.
+/// The number of an ARKit shape. The name must be one of `ARKIT`.
 pub(super) fn arkit(name: &str) -> usize {
     let place = ARKIT.iter().position(|known| *known == name);
     place.expect("the model's names were checked when it was loaded")

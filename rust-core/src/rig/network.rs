@@ -1,13 +1,13 @@
-//! The part of a shape that landmarks do not hold: a pointwise network over the skin.
+//! A pointwise network over the skin, for the part of a shape that landmarks do not contain.
 //!
 //! Twin of `training/rig/network.py`.
 //!
 //! `shape_s(v) = Σ_n W_vn ΔL_sn + fade(v) R_s(features of v)`
 //!
-//! `W` are the weights with which the skin follows the landmarks without any training, `ΔL_s` the
-//! landmark motion of shape `s` on a mean face, `R` the network. Its result is the mean over the
-//! head and its mirror image. So a symmetric head gets symmetric shapes, and left and right shapes
-//! mirror each other.
+//! `W` are the training-free weights with which the skin follows the landmarks, `ΔL_s` is the
+//! landmark motion of shape `s` on a mean face, and `R` is the network. The network's result is the
+//! mean over the head and its mirror image. So a symmetric head gets symmetric shapes, and left and
+//! right shapes mirror each other.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -22,12 +22,12 @@ use crate::{
     nn::{elementwise::silu_all, linear::Linear},
 };
 
-/// Position, offset from and distance to each landmark, weights.
+/// The position, the offsets from the landmarks, the distances to them, and their weights.
 const FEATURES: usize = 3 + 5 * LANDMARKS;
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const OUTPUT_SCALE: f32 = 0.1;
-/// The network acts fully up to the first distance from the nearest landmark, and not at all from
-/// the second on.
+/// The network acts fully up to the first distance from the nearest landmark, and not at all beyond
+/// the second.
 const FADE_DM: (f32, f32) = (0.6, 1.0);
 
 /// Sizes of the network and the names of its shapes, as `config.json` states them.
@@ -50,22 +50,23 @@ pub struct RigNetwork {
     templates: Array3<f32>,
 }
 
-/// Skin of a head, `P` vertices.
+/// The skin of a head, `P` vertices.
 #[derive(Clone, Copy)]
 pub struct SkinGeometry<'a> {
     /// `[P]`, decimetres.
     pub positions: &'a [[f32; 3]],
-    /// Of the neutral face, decimetres.
+    /// Landmarks of the neutral face, decimetres.
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
     /// `W`: `[P, 68]`.
     pub base: ArrayView2<'a, f32>,
 }
 
 impl RigNetwork {
-    /// From weights already read.
+    /// Makes the network from weights that were already read.
     ///
     /// # Errors
-    /// `Weights` if one is missing, has another shape, or a shape has no mirror image.
+    /// `Weights` if an array is missing or has other dimensions, or if a face shape has no mirror
+    /// image.
     pub fn new(config: &RigConfig, weights: &Weights) -> Result<Self> {
         let (width, count) = (config.width, config.shapes.len());
         let layer = |name: &str, inputs| Linear::load(&weights.pp(name), inputs, width);
@@ -161,7 +162,7 @@ impl RigNetwork {
     }
 }
 
-/// Position, offsets and distances; returns the least distance.
+/// Writes position, offsets and distances into `row`. Returns the least distance.
 fn relate(row: &mut [f32], position: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     row[..3].copy_from_slice(&position);
     let mut nearest = f32::INFINITY;

@@ -1,11 +1,12 @@
 //! Shapes that undo each other: left and right, up and down, smile and frown. Only one of a pair
 //! should move a face at a time, since an artist cannot edit a curve whose effect depends on
-//! another.
+//! another curve.
 
 use ndarray::Array2;
 
-/// Endings of names on the same side, and shapes that are opposites by their names.
+/// Endings that may follow the stem of a shape's name.
 const SIDES: [&str; 3] = ["", "Left", "Right"];
+/// Stems of shapes that are opposites by their names.
 const BY_NAME: [(&str, &str); 9] = [
     ("mouthLeft", "mouthRight"),
     ("jawLeft", "jawRight"),
@@ -17,14 +18,14 @@ const BY_NAME: [(&str, &str); 9] = [
     ("browDown", "browOuterUp"),
     ("browDown", "browInnerUp"),
 ];
-/// Shapes that work together though they move some vertices against each other.
+/// Shapes that work together although they move some vertices in opposite directions.
 const TOGETHER: [(&str, &str); 1] = [("jawOpen", "mouthClose")];
 /// Shapes are opposites if the cosine of their displacements is below this.
 const AGAINST: f64 = -0.7;
-/// Frames on either side that count for which of the two moves.
+/// Frames on either side that count when choosing which of the two shapes moves.
 const BESIDE: usize = 2;
 
-/// Pairs of numbers of shapes that undo each other; `gram` `[S, S]` are the products of their
+/// Pairs of shapes that undo each other, by their numbers. `gram` `[S, S]`: the products of their
 /// displacements.
 pub(super) fn pairs(names: &[String], gram: &Array2<f64>) -> Vec<(usize, usize)> {
     let mut opposing = Vec::new();
@@ -57,7 +58,7 @@ fn is_among(known: &[(&str, &str)], one: &str, other: &str) -> bool {
     })
 }
 
-/// Which weights `[T, S]` stay at 0: those of the shape of each pair that moves less around a
+/// Which weights `[T, S]` stay at 0. In each pair it is the shape that moves the face less around a
 /// frame.
 pub(super) fn resting(
     pairs: &[(usize, usize)],

@@ -1,4 +1,4 @@
-//! How eyeballs and tongue move in shapes: landmarks do not show it.
+//! Motion of the eyeballs and the tongue in the shapes, which landmarks do not show.
 //!
 //! Lengths are canonical centimetres.
 
@@ -12,35 +12,36 @@ use crate::{
 /// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not define
 /// it, and the available face models do not turn their eyeballs.
 pub const GAZE_DEGREES: [f32; 4] = [25.0, 25.0, 30.0, 30.0];
-/// Root mean square distance of an eyeball's vertices from its sphere, as a share of the radius, at
-/// most.
+/// The largest root mean square distance of an eyeball's vertices from its sphere, as a share of
+/// the radius.
 const ROUND: f32 = 0.12;
-/// Radius of an eyeball over the width of the eye's opening.
+/// The least and the largest radius of an eyeball, as a share of the width of the eye's opening.
 const EYE_RADIUS: (f32, f32) = (0.35, 0.9);
 /// A part inside the eyeball and narrower than this share of it, such as an iris, turns with it.
 const IRIS_SHARE: f32 = 0.6;
-/// A part that follows the jaw and is deeper than this along the midline is a tongue and no row of
-/// teeth, on a mouth 5 cm wide.
+/// A part in the mouth that is deeper than this along the midline contains a tongue and is no row
+/// of teeth, on a mouth 5 cm wide.
 const TONGUE_DEPTH_CM: f32 = 2.2;
-/// A part that also reaches this far above the lips' line is gums and tongue in one.
+/// If such a part also reaches this far above the line of the lips, it is gums and tongue in one,
+/// on a mouth 5 cm wide.
 const GUMS_ABOVE_CM: f32 = 1.2;
-/// How far the tip comes out before the lips at strength 1, on a mouth 5 cm wide.
+/// How far the tip comes out in front of the lips at strength 1, on a mouth 5 cm wide.
 const TONGUE_OUT_CM: f32 = 2.0;
 
-/// An eyeball with all that turns with it.
+/// An eyeball with all parts that turn with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Eyeball {
     /// Whether it is the subject's left one.
     pub is_left: bool,
-    /// Of the sphere.
+    /// Centre of the sphere.
     pub centre: [f32; 3],
-    /// Of the sphere.
+    /// Radius of the sphere.
     pub radius: f32,
     /// Vertex numbers.
     pub vertices: Vec<u32>,
 }
 
-/// A tongue that is a part of its own.
+/// A tongue that is a separate part of the mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tongue {
     /// Vertex numbers.
@@ -61,7 +62,7 @@ pub enum Gaze {
 
 impl Eyeball {
     /// Displacement of a vertex when the eye turns to `gaze` at strength 1. The eye rotates about
-    /// its centre; a blend shape has only the end points of the rotation.
+    /// its centre, but a blend shape contains only the two ends of the rotation.
     pub fn look(&self, gaze: Gaze, position: [f32; 3]) -> [f32; 3] {
         let inward = if self.is_left { -1.0 } else { 1.0 };
         let (degrees, side, up) = match gaze {
@@ -72,7 +73,7 @@ impl Eyeball {
         };
         let (sin, cos) = degrees.to_radians().sin_cos();
         let from: [f32; 3] = std::array::from_fn(|i| position[i] - self.centre[i]);
-        // The plane of the turn holds the line of sight, +z, and the direction of the turn.
+        // The plane of the turn contains the line of sight, +z, and the direction of the turn.
         let along = side * from[0] + up * from[1];
         let (gain, depth) = (
             cos * along + sin * from[2] - along,
@@ -144,7 +145,7 @@ fn eyeball(
 /// The tongue of a mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TongueFound {
-    /// A part of its own.
+    /// A separate part.
     Own(Tongue),
     /// Sewn to the gums: it cannot come out without them.
     WithGums,
@@ -165,7 +166,7 @@ impl TongueFound {
     }
 }
 
-/// Finds the tongue among the parts that follow the jaw: the one that runs deep along the midline.
+/// Finds the tongue among the parts of the jaw and the mouth. It runs deep along the midline.
 pub fn tongue(
     positions: &[[f32; 3]],
     parts: &PartList,
@@ -200,7 +201,7 @@ pub fn tongue(
     }
 }
 
-/// The tip goes out between the lips, the root stays, and the rest stretches between them.
+/// Moves the tip out between the lips. The root stays, and the rest stretches between the two.
 fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> Tongue {
     let depth = |v: u32| positions[v as usize][2];
     let (root, tip) = range(part.iter().map(|&v| depth(v)));
@@ -213,7 +214,7 @@ fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> 
     let by = [0.0, lips[1] - height, lips[2] + TONGUE_OUT_CM * unit - tip];
     let out = part.iter().map(|&v| {
         let along = ((depth(v) - root) / (tip - root)).clamp(0.0, 1.0);
-        // Rises over the teeth early and stretches late.
+        // From root to tip, the tongue rises over the teeth early and stretches forward late.
         [0.0, along * (2.0 - along) * by[1], along * along * by[2]]
     });
     Tongue {
@@ -222,7 +223,7 @@ fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> 
     }
 }
 
-/// Between the lips, in the middle.
+/// The point midway between the lips.
 pub fn middle_of_lips(landmarks: &[[f32; 3]; LANDMARKS]) -> [f32; 3] {
     std::array::from_fn(|i| 0.5 * (landmarks[62][i] + landmarks[66][i]))
 }

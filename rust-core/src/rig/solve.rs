@@ -1,4 +1,4 @@
-//! Weights of shapes from any motion of vertices.
+//! Solves for the weights of shapes that show any motion of vertices.
 //!
 //! Least squares with bounds and a memory, over all frames `t` together:
 //!
@@ -8,29 +8,32 @@
 //! `D` are the shapes, `x_t` the displacements and `g_s = |d_s|²`, so that every term has the same
 //! unit. Where lips meet, their gap counts too ([`super::closures`]).
 //!
-//! 1. The motion enters only through `Dᵀ x_t` and `|x_t|²`. [`FRAMES_PER_BLOCK`] frames at a time are multiplied with
-//!    the shapes, and the shapes with one another. This costs `3 V S (T + S)` products. From here on V no longer
-//!    matters.
-//! 2. Cyclic coordinate descent with clamping (Bertsekas 1999, §2.7) sweeps over the frames, forth and back in turn.
-//!    Each weight in turn goes [`RELAXATION`] times the way to its best value while all others stay, and is clamped
-//!    to 0 and 1. Going beyond the best value saves a fifth of the sweeps.
-//! 3. Where only one of two shapes that undo each other may move, [`opposing::resting`] says which one rests in a
-//!    frame. Its weight becomes 0, and the descent goes on from there without it.
+//! 1. The motion enters only through `Dᵀ x_t` and `|x_t|²`. [`FRAMES_PER_BLOCK`] frames at a time
+//!    are multiplied with the shapes, and the shapes with one another. This costs
+//!    `3 V S (T + S)` products. From here on V no longer matters.
+//! 2. Cyclic coordinate descent with clamping (Bertsekas 1999, §2.7) sweeps over the frames,
+//!    forwards and backwards in turn. Each weight goes [`RELAXATION`] times the way to its best
+//!    value while all others stay, and is clamped to 0 and 1. Going beyond the best value saves a
+//!    fifth of the sweeps.
+//! 3. If only one of two shapes that undo each other may move, [`opposing::resting`] chooses which
+//!    one rests in a frame. Its weight becomes 0, and the descent continues from there without it.
 //!
-//! The slopes `[T, S]` follow each weight that changes, which costs S products. A weight that stays, as most do at a
-//! bound, costs one comparison. Only the frames before and after are coupled to a frame, by the memory `μ`. So a frame
-//! rests while neither it nor one beside it changed by [`ARRIVED`] in its last visit, and most sweeps visit the few
-//! frames that still change. Changes too small to wake a frame could add up. The descent therefore ends only after a
-//! sweep that visits all frames and changes no weight by as much.
+//! Each weight that changes updates the slopes `[T, S]` of its frame, which costs S products. A
+//! weight that does not change, as most at a bound, costs one comparison. The memory `μ` couples a
+//! frame only to the frames before and after it. So a sweep skips a frame if neither the frame nor
+//! its neighbours changed by [`ARRIVED`] in their last visits, and most sweeps visit only the few
+//! frames that still change. Changes too small to wake a frame could add up. The descent therefore
+//! ends only after a sweep that visits all frames and changes no weight by [`ARRIVED`].
 //!
-//! With `ρ > 0` the problem is strictly convex, so the descent converges to its only minimum. Neither chance nor the
-//! number of threads changes the result. In step 3 this holds for each of the two descents, but which shapes rest is a
-//! choice that the first one makes.
+//! With `ρ > 0` the problem is strictly convex, so the descent converges to its only minimum.
+//! Neither chance nor the number of threads changes the result. In step 3 this holds for each of
+//! the two descents, but the first one determines which shapes rest in the second.
 //!
-//! What can go wrong: after [`MOST_SWEEPS`] the descent returns what it has, still within the bounds. A shape that
-//! hardly moves anything would divide by nearly 0 and keeps the weight 0. Motion that is not finite, or too large for
-//! single precision, is refused with its frame. The residual comes from `|x|² − 2 w Dᵀ x + w Dᵀ D w` alone. It is a
-//! difference of large numbers where the fit is nearly exact, so values below 0 become 0.
+//! What can go wrong: after [`MOST_SWEEPS`] the descent returns the weights it has, still within
+//! the bounds. A shape that hardly moves anything would cause a division by nearly 0, so its weight
+//! stays 0. If motion is not finite or too large for single precision, the error names its frame.
+//! The residual comes from `|x|² − 2 w Dᵀ x + w Dᵀ D w` alone. If the fit is nearly exact, this is
+//! a difference of large numbers, so values below 0 become 0.
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
@@ -47,25 +50,26 @@ use crate::{
 
 /// A shape with less than this share of the mean energy keeps the weight 0.
 const STILL_SHARE: f64 = 1e-7;
-/// The descent ends when no weight changes by more than this, or after this many sweeps.
+/// The descent ends when no weight changes by this much in a sweep over all frames.
 const ARRIVED: f64 = 1e-6;
+/// The most sweeps of a descent.
 const MOST_SWEEPS: usize = 3000;
-/// `ω`: each step goes this share of the way to the best value of its weight. Over-relaxation saves a fifth of the
-/// sweeps and converges for every `0 < ω < 2` (Cryer 1971).
+/// `ω`: each step goes this multiple of the way to the best value of its weight. Over-relaxation
+/// saves a fifth of the sweeps and converges for every `0 < ω < 2` (Cryer 1971).
 const RELAXATION: f64 = 1.2;
-/// Frames of one product.
+/// Frames that are multiplied with the shapes at a time.
 const FRAMES_PER_BLOCK: usize = 32;
 
-/// Terms of the solve in addition to the fit.
+/// The terms of a solve in addition to the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolveOptions {
-    /// `ρ`: towards zero, which decides between shapes that do the same.
+    /// `ρ`: pulls weights towards 0, which decides between shapes that do the same.
     pub ridge: f64,
-    /// `μ`: towards the frame before and after.
+    /// `μ`: pulls weights towards those of the frames before and after.
     pub smoothness: f64,
-    /// `σ`: left and right weights towards each other.
+    /// `σ`: pulls left and right weights towards each other.
     pub symmetry: f64,
-    /// `λ`: towards few shapes at a time.
+    /// `λ`: favours few shapes at a time.
     pub sparsity: f64,
     /// Whether only one of two shapes that undo each other moves at a time.
     pub exclusive: bool,
@@ -84,8 +88,8 @@ impl Default for SolveOptions {
 }
 
 impl SolveOptions {
-    /// For artists who edit the weights one by one: few shapes at a time, both sides alike, and one
-    /// of two shapes that undo each other. It costs one or two percent of the motion.
+    /// For artists who edit the weights one by one: few shapes at a time, both sides alike, and
+    /// only one of two shapes that undo each other. It costs one or two percent of the motion.
     pub fn editable() -> Self {
         SolveOptions {
             symmetry: 0.2,
@@ -96,7 +100,7 @@ impl SolveOptions {
     }
 }
 
-/// Weights over time, and what they leave unexplained.
+/// Weights over time, and the motion that they leave unexplained.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolvedWeights {
     /// `[S]`, names of the shapes.
@@ -110,7 +114,7 @@ pub struct SolvedWeights {
 }
 
 impl SolvedWeights {
-    /// Weights `[T, S]` that come from no solve: they leave nothing unexplained.
+    /// Weights `[T, S]` that come from no solve, so they leave no motion unexplained.
     pub fn exact(names: Vec<String>, weights: Array2<f32>) -> SolvedWeights {
         let still = vec![0.0; weights.nrows()];
         SolvedWeights {
@@ -125,12 +129,13 @@ impl SolvedWeights {
 /// Solves for the weights of the first `shapes` shapes of `rig`.
 ///
 /// `displacements`: `[T, V, 3]`, of the same mesh and in the same units, without motion of the
-/// whole head. `lips`: `[N]` vertices of the upper and of the lower lip that meet, perhaps none. In
-/// frames that close them the shapes close them too, as well as they can.
+/// whole head. `lips`: `[N]` pairs of an upper and a lower lip vertex that meet, possibly none. In
+/// frames whose motion closes the lips, the shapes close them too, as well as they can.
 ///
 /// # Errors
-/// `ShapeMismatch` if the vertices differ in number, `InvalidInput` for motion that is not finite,
-/// an option out of range, or a rig in which nothing moves; `Cancelled`.
+/// `ShapeMismatch` if the number of vertices differs, `InvalidInput` for motion that is not finite
+/// or too large, a lip vertex or an option out of range, or a rig in which nothing moves;
+/// `Cancelled`.
 pub fn solve(
     rig: &Rig,
     shapes: usize,
@@ -178,7 +183,7 @@ pub fn solve(
     Ok(solved)
 }
 
-/// Checks that motion and lips are those of the rig's mesh.
+/// Checks that the motion and the lips fit the rig's mesh.
 fn check_motion(rig: &Rig, displacements: ArrayView3<'_, f32>, lips: &[[u32; 2]]) -> Result<()> {
     let (frames, vertices, axes) = displacements.dim();
     let expected = rig.deltas.dim().1;
@@ -197,7 +202,7 @@ fn check_motion(rig: &Rig, displacements: ArrayView3<'_, f32>, lips: &[[u32; 2]]
     }
 }
 
-/// Checks the energy of each frame `[T]` and its products with the shapes `[T, S]` for numbers that are not finite.
+/// Refuses motion whose energy `[T]` or products with the shapes `[T, S]` are not finite.
 fn check_sums(energy: &[f64], products: &Array2<f64>) -> Result<()> {
     if let Some(frame) = energy.iter().position(|x| !x.is_finite()) {
         return Err(Error::InvalidInput(format!(
@@ -221,18 +226,18 @@ fn rows_of(displacements: ArrayView3<'_, f32>) -> Array2<f32> {
     flat.expect("row-major array").into_owned()
 }
 
-/// Shapes as a solve knows them: made once, then solved for any number of motions.
+/// The shapes, prepared once to solve for any number of motions.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ShapeSolver {
     names: Vec<String>,
     /// `[S, S]`, products of the shapes with each other.
     gram: Array2<f64>,
-    /// `[S, 3 N]`, what they do to gaps between the lips.
+    /// `[S, 3 N]`, how the shapes change the gaps between the lips.
     gaps: Array2<f64>,
 }
 
 impl ShapeSolver {
-    /// `deltas`: `[S, V, 3]`; `lips`: `[N]` vertices of the upper and of the lower lip that meet.
+    /// `deltas`: `[S, V, 3]`. `lips`: `[N]` pairs of an upper and a lower lip vertex that meet.
     pub(crate) fn new(
         names: &[String],
         deltas: ArrayView3<'_, f32>,
@@ -257,16 +262,17 @@ impl ShapeSolver {
         }
     }
 
-    /// Takes what `weights` `[T, S]` do out of a motion.
+    /// Subtracts the motion that `weights` `[T, S]` make from `motion`.
     pub(crate) fn take_out(&self, weights: &Array2<f64>, motion: &mut MotionSums) {
         motion.products -= &weights.dot(&self.gram);
         motion.gaps -= &weights.dot(&self.gaps);
     }
 
-    /// Weights `[T, S]` of a motion.
+    /// Solves for the weights `[T, S]` of a motion.
     ///
     /// # Errors
-    /// Those of [`solve`] for options, a rig in which nothing moves and motion that is not finite; `Cancelled`.
+    /// Those of [`solve`] for options, a rig in which nothing moves and motion that is not finite;
+    /// `Cancelled`.
     pub(crate) fn weights(
         &self,
         motion: MotionSums,
@@ -292,7 +298,7 @@ impl ShapeSolver {
     }
 }
 
-/// All of a motion that a solve needs.
+/// All that a solve needs of a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MotionSums {
     /// `[T, S]`, products of frames and shapes.
@@ -332,7 +338,7 @@ fn products(a: &Array2<f32>, b: &Array2<f32>) -> Array2<f64> {
     out.mapv(f64::from)
 }
 
-/// The normal equations; everything in units of the mean energy of a shape.
+/// The normal equations, all in units of the mean energy of a shape.
 struct Problem {
     /// `[S, S]`, the fit alone.
     gram: Array2<f64>,
@@ -341,7 +347,7 @@ struct Problem {
     /// `[T, S]`.
     right: Array2<f64>,
     closures: Option<Closures>,
-    /// `[S]`, `μ g_s`; zero shapes have none.
+    /// `[S]`, `μ g_s`, which is 0 for shapes that move nothing.
     memory: Vec<f64>,
     /// `[S]`, `λ g_s`.
     price: Vec<f64>,
@@ -398,8 +404,8 @@ impl Problem {
         })
     }
 
-    /// Solves for the weights. Where they are `exclusive`, solves again without those that others
-    /// undo.
+    /// Solves for the weights. If `exclusive`, solves again with one shape of each opposing pair at
+    /// 0.
     fn solve(&self, exclusive: bool, progress: ProgressFn<'_>) -> Result<Array2<f64>> {
         let mut weights = Array2::zeros(self.right.dim());
         let mut rests = Array2::from_elem(self.right.dim(), false);
@@ -416,8 +422,8 @@ impl Problem {
         Ok(weights)
     }
 
-    /// Sweeps forth and back over the frames until no weight changes any more. Weights that `rests`
-    /// marks stay 0.
+    /// Sweeps forwards and backwards over the frames until no weight changes any more. Weights that
+    /// `rests` marks stay unchanged.
     fn descend(
         &self,
         weights: &mut Array2<f64>,
@@ -426,7 +432,7 @@ impl Problem {
     ) -> Result<()> {
         let frames = self.right.nrows();
         let mut slopes = self.slopes(weights);
-        // A frame rests while nothing changes in it and beside it; the last sweep looks at all again.
+        // A frame is skipped while neither it nor its neighbours change. The last sweep visits all.
         let mut changes = vec![f64::INFINITY; frames];
         let mut all = true;
         for sweep in 0..MOST_SWEEPS {
@@ -453,7 +459,7 @@ impl Problem {
         Ok(())
     }
 
-    /// Slopes `[T, S]` at `weights` of all but the frames beside.
+    /// Slopes `[T, S]` at `weights` of all terms except the memory, which couples frames.
     fn slopes(&self, weights: &Array2<f64>) -> Array2<f64> {
         let mut slopes = weights.dot(&self.matrix) - &self.right;
         slopes += &aview1(&self.price);
@@ -464,8 +470,9 @@ impl Problem {
         slopes.as_standard_layout().into_owned()
     }
 
-    /// Best value of each weight of one frame in turn; returns the largest change. A weight that stays, as most do
-    /// that are 0, costs a comparison: the slopes follow those that change.
+    /// Moves each weight of one frame in turn to its best value and beyond, see [`RELAXATION`].
+    /// Returns the largest change. A weight that does not change, as most that are 0, costs only a
+    /// comparison, since only changed weights update the slopes.
     fn descend_frame(
         &self,
         t: usize,
@@ -525,7 +532,7 @@ impl Problem {
     }
 }
 
-/// `to += factor · row`, over plain slices: this is most of a solve.
+/// `to += factor · row`, over plain slices. A solve spends most of its time here.
 fn add_scaled(to: &mut [f64], factor: f64, row: &[f64]) {
     let row = &row[..to.len()];
     for i in 0..to.len() {
@@ -533,7 +540,7 @@ fn add_scaled(to: &mut [f64], factor: f64, row: &[f64]) {
     }
 }
 
-/// Whether a shape's mirror image is the same on the other side. It is not for moves to a side.
+/// Whether a shape and its mirror image tend to move together. Shapes that move to one side do not.
 fn pairs(name: &str) -> bool {
     !["jawLeft", "jawRight", "mouthLeft", "mouthRight"].contains(&name)
         && !name.starts_with("eyeLookIn")
@@ -755,8 +762,7 @@ mod tests {
         );
     }
 
-    /// A jaw that opens with a smile beside it, and five shapes that only open. Lips meet in frames
-    /// 8 to 11.
+    /// Five shapes that all part the lips. The motion makes the lips meet in frames 8 to 11.
     #[test]
     fn lips_that_meet_meet_with_shapes_that_only_open() {
         let (upper, lower, vertices) = (0usize, 1usize, 60usize);
@@ -779,8 +785,8 @@ mod tests {
             reports: Vec::new(),
         };
         let closed = |t: usize| (8..12).contains(&t);
-        // The motion of the cheeks where lips meet, which the shapes cannot show without parting
-        // them.
+        // While the lips meet, the rest of the face still moves, which the shapes cannot show
+        // without parting the lips.
         let truth = Array2::from_shape_fn((20, 5), |(t, s)| 0.3 + 0.04 * ((t + 3 * s) % 10) as f32);
         let mut moved = play(&rig, &truth);
         for t in (0..20).filter(|&t| closed(t)) {

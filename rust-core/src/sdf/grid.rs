@@ -23,7 +23,8 @@ impl Grid {
     /// The box from `low` to `high` with `resolution` cells along its longest side.
     ///
     /// # Errors
-    /// `InvalidInput` for a box without size or that is not finite, and for a resolution of 0 or above 4096.
+    /// `InvalidInput` for a box that is not finite or has no extent along an axis, and for a
+    /// resolution of 0 or above 4096.
     pub fn of_box(low: [f32; 3], high: [f32; 3], resolution: usize) -> Result<Grid> {
         if resolution == 0 || resolution > MOST {
             return Err(Error::InvalidInput(format!(
@@ -44,33 +45,33 @@ impl Grid {
         })
     }
 
-    /// Where a corner lies.
+    /// The position of a corner.
     pub(super) fn place(&self, corner: [usize; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| self.low[axis] + self.step * corner[axis] as f32)
     }
 }
 
-/// The stored part of a grid: values at corners, cells that were visited, vertices on edges.
+/// The stored part of a grid: values at corners, marks of visited cells, vertices on edges.
 pub(super) struct Sparse {
     /// Bricks along each axis.
     bricks: [usize; 3],
-    /// Number of each brick, `NONE` for one that is not stored.
+    /// Number of each brick, `NONE` if it is not stored.
     brick_numbers: Vec<u32>,
     values: Vec<[f32; IN_BRICK]>,
     visited: Vec<[u64; IN_BRICK / 64]>,
     vertices: Vec<[[u32; 3]; IN_BRICK]>,
 }
 
-/// No brick, no vertex.
+/// Stands for a missing brick or a missing vertex.
 pub(super) const NONE: u32 = u32::MAX;
 /// Bytes of a brick.
 pub(super) const BRICK_BYTES: usize = IN_BRICK * (4 + 12) + IN_BRICK / 8;
 
-/// A corner's brick and its place there.
+/// The number of a corner's brick, and the corner's index within the brick.
 pub(super) type Slot = (usize, usize);
 
 impl Sparse {
-    /// For corners up to `last` on each axis.
+    /// Makes an empty store for corners up to `last` on each axis.
     pub fn new(last: [usize; 3]) -> Self {
         let bricks = last.map(|x| x / BRICK + 1);
         Sparse {
@@ -82,7 +83,7 @@ impl Sparse {
         }
     }
 
-    /// Bytes that it takes.
+    /// Bytes that the bricks and their numbers take.
     pub fn bytes(&self) -> usize {
         4 * self.brick_numbers.len() + BRICK_BYTES * self.values.len()
     }
@@ -94,7 +95,7 @@ impl Sparse {
         (brick, (z * BRICK + y) * BRICK + x)
     }
 
-    /// The slot of a corner, or of the cell that begins there. Makes it where there is none.
+    /// The slot of a corner, or of the cell that begins there. Creates its brick if it is missing.
     pub fn slot(&mut self, at: [usize; 3]) -> Slot {
         let (brick, place) = self.number(at);
         if self.brick_numbers[brick] == NONE {
@@ -106,7 +107,7 @@ impl Sparse {
         (self.brick_numbers[brick] as usize, place)
     }
 
-    /// The value at a corner; NaN where it is unknown.
+    /// The value at a corner, NaN if it is unknown.
     pub fn value(&self, at: [usize; 3]) -> f32 {
         let (brick, place) = self.number(at);
         match self.brick_numbers[brick] {
@@ -120,7 +121,7 @@ impl Sparse {
         &mut self.values[brick][place]
     }
 
-    /// Marks a cell as visited. Returns whether it was new.
+    /// Marks a cell as visited. Returns whether this was its first visit.
     pub fn see(&mut self, cell: [usize; 3]) -> bool {
         let (brick, place) = self.slot(cell);
         let word = &mut self.visited[brick][place / 64];
@@ -130,7 +131,7 @@ impl Sparse {
         new
     }
 
-    /// The vertex on the edge along `axis` from a corner; `NONE` where there is none yet.
+    /// The vertex on the edge that starts at a corner along `axis`, `NONE` if there is none yet.
     pub fn vertex_mut(&mut self, corner: [usize; 3], axis: usize) -> &mut u32 {
         let (brick, place) = self.slot(corner);
         &mut self.vertices[brick][place][axis]

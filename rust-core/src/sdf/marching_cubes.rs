@@ -9,26 +9,27 @@ use super::{
 };
 use crate::{Error, Result, mesh::Mesh};
 
-/// A cell is divided where the field at a corner is below this share of the cell's diagonal. Half
-/// is exact for distances; learned fields are steeper here and there.
+/// A cell is divided if the field changes sign between its corners or if, at a corner, it is within
+/// this share of the cell's diagonal of zero. One half would be exact for true distances, but
+/// learned fields are steeper in places.
 const REACH: f32 = 0.65;
-/// Cells along the longest side of the coarsest grid, about.
+/// About how many cells lie along the longest side of the coarsest grid.
 const COARSEST: usize = 16;
-/// Most bytes that a surface may take while it is made.
+/// The most bytes that making a surface may take.
 const MOST_BYTES: usize = 1 << 30;
-/// Points of one call of the field.
+/// Points in one call of the field.
 const BLOCK: usize = 1024;
 
 /// The surface where `field` is zero. Triangles run counter-clockwise, seen from the positive side.
 ///
 /// `field` takes points `[Q, 3]` and returns the signed distance at each, in the same unit,
 /// negative inside. It is evaluated on a coarse grid, then in ever finer cells near the surface.
-/// The search follows the surface from cell to cell, so that the mesh is closed if the surface
-/// closes within the grid. Where the surface leaves the grid, the mesh is open.
+/// The search follows the surface from cell to cell, so the mesh is closed if the surface closes
+/// within the grid. Where the surface leaves the grid, the mesh is open.
 ///
 /// # Errors
-/// `InvalidInput` for a field that is not finite, for a grid without any surface and, with the
-/// numbers, where the surface needs more than 1 GiB.
+/// `InvalidInput` for a field that is not finite, for a grid that contains no surface, and for a
+/// surface that needs more than 1 GiB; this message gives the numbers.
 pub fn surface(grid: Grid, field: impl Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync) -> Result<Mesh> {
     meshed(grid, field, REACH, MOST_BYTES)
 }
@@ -58,7 +59,7 @@ fn meshed(
         known.ask(&near, size)?;
         near.retain(|cell| known.is_near(*cell, size, reach));
         if size == BRICK {
-            // Cells of this size are bricks. Values on their far sides lie in the next ones.
+            // Cells of this size are bricks. The values on their far sides lie in the next bricks.
             check_bytes(longest, near.len() * BRICK_BYTES * 3 / 2, most_bytes)?;
         }
         size /= 2;
@@ -127,7 +128,7 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         Ok(())
     }
 
-    /// The field at places.
+    /// The values of the field at `places`.
     fn values(&self, places: &[[f32; 3]]) -> Result<Vec<f32>> {
         let blocks = places.par_chunks(BLOCK).map(|block| {
             let points = Array2::from_shape_vec((block.len(), 3), block.as_flattened().to_vec());
@@ -153,7 +154,7 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         low < reach && high > -reach
     }
 
-    /// One bit for each corner of a fine cell that is inside.
+    /// The case of a fine cell: one bit for each corner that is inside.
     fn case(&self, cell: Corner) -> usize {
         (0..8).fold(0, |case, corner| {
             let value = self.sparse.value(corner_of(cell, corner, 1));
@@ -161,8 +162,8 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         })
     }
 
-    /// All cells that the surface crosses: those among `first`, and those to which it leads from
-    /// there.
+    /// Finds all cells that the surface crosses. Starts with those in `first` and follows the
+    /// surface from cell to cell.
     fn follow(
         &mut self,
         first: Vec<Corner>,
@@ -205,7 +206,7 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         Ok(crossed)
     }
 
-    /// Triangles of the cells that the surface crosses.
+    /// Makes the mesh from the cells that the surface crosses.
     fn joined(&mut self, cells: &[Corner]) -> Result<Mesh> {
         let mut triangles = Vec::new();
         let mut edges: Vec<[Corner; 2]> = Vec::new();
@@ -229,9 +230,9 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         })
     }
 
-    /// The zeros of the field on edges. Interpolates between the ends, then once more between that
-    /// place and the end on the other side. Stays a little off either end, so that no triangle
-    /// vanishes.
+    /// The zeros of the field on edges. Interpolates between the two ends, then once more between
+    /// that point and the end with the opposite sign. The result stays a little away from both
+    /// ends, so that no triangle vanishes.
     fn crossings(&self, edges: &[[Corner; 2]]) -> Result<Vec<[f32; 3]>> {
         const NEAREST: f32 = 1e-3;
         let between = |[a, b]: [f32; 2]| a / (a - b);
@@ -343,7 +344,7 @@ mod tests {
         assert_eq!(every.triangles.len(), few.triangles.len());
     }
 
-    /// The surface of a field far steeper than a distance is followed from cell to cell.
+    /// The field is far steeper than a distance, so the search must follow its surface.
     #[test]
     fn a_surface_that_was_seen_in_one_place_is_followed_all_round() {
         let steep = |points: ArrayView2<'_, f32>| -> Vec<f32> {

@@ -1,12 +1,13 @@
 //! The 256 cases of marching cubes.
 //!
-//! The table is computed: on each face of a cell a segment cuts off every run of inside corners,
-//! and segments join to loops. Two cells cut their common face alike, even where the choice is
-//! ambiguous, so that surfaces have no holes.
+//! The table is computed. On each face of a cell, a segment cuts off every run of inside corners,
+//! and the segments join to loops. Two cells cut their common face in the same way, even if the
+//! choice is ambiguous, so surfaces have no holes.
 
 use std::{collections::HashMap, sync::LazyLock};
 
-/// Corners of a cell: bit 0 is x, bit 1 y, bit 2 z. Each face counter-clockwise seen from outside.
+/// Corners of each face of a cell, counter-clockwise seen from outside. In the number of a corner,
+/// bit 0 is x, bit 1 y, bit 2 z.
 const FACES: [[usize; 4]; 6] = [
     [0, 4, 6, 2],
     [1, 3, 7, 5],
@@ -16,14 +17,15 @@ const FACES: [[usize; 4]; 6] = [
     [4, 5, 7, 6],
 ];
 
-/// For each case the triangles, counter-clockwise seen from outside. The case has a bit for each corner that is inside.
+/// The triangles of each case, counter-clockwise seen from outside. A case has a bit for each
+/// corner that is inside.
 pub(super) static TABLE: LazyLock<Vec<Vec<[Edge; 3]>>> =
     LazyLock::new(|| (0..256).map(triangles_of).collect());
 
-/// Its two corners, the lower one first; they differ in one bit.
+/// An edge of a cell as its two corners, the lower one first. They differ in one bit.
 pub(super) type Edge = [usize; 2];
 
-/// Loops of one case, each as a fan.
+/// Finds the loops of one case and triangulates each as a fan.
 fn triangles_of(case: usize) -> Vec<[Edge; 3]> {
     let inside = |corner: usize| case >> corner & 1 == 1;
     let mut next: HashMap<Edge, Edge> = HashMap::new();
@@ -54,8 +56,8 @@ fn edge([a, b]: [usize; 2]) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// Triangulates a loop from the corner whose diagonals lie in no face. In a face the neighbour has
-/// its own edges.
+/// Triangulates a loop as a fan from the vertex with the fewest diagonals in a face of the cell,
+/// since in a face the neighbouring cell has its own edges.
 fn fan(around: &[Edge]) -> Vec<[Edge; 3]> {
     let count = around.len();
     let fan_from = |first: usize| -> Vec<[Edge; 3]> {
@@ -89,7 +91,7 @@ mod tests {
 
     use super::*;
 
-    /// Triangles of Lorensen and Cline's fifteen cases: the least case among a cell's turns, and their number.
+    /// One case of each of Lorensen and Cline's fifteen classes, and its number of triangles.
     const PRINTED: [(usize, usize); 15] = [
         (0b0000_0000, 0),
         (0b0000_0001, 1),
@@ -108,7 +110,7 @@ mod tests {
         (0b1000_1101, 4),
     ];
 
-    /// The 24 turns of a cell, each the corner that comes to every place.
+    /// The 24 turns of a cell. Each gives the place to which every corner moves.
     fn turns() -> Vec<[usize; 8]> {
         let mut turns = Vec::new();
         for axes in [
@@ -188,8 +190,8 @@ mod tests {
         assert_eq!(met.len(), 15);
     }
 
-    /// The slow twin: where at most four corners are inside, one loop over all its own edges cuts
-    /// off each piece.
+    /// The slow twin: if at most four corners are inside, one loop along all edges of a piece cuts
+    /// it off.
     #[test]
     fn each_piece_of_a_cell_is_cut_off_along_its_own_edges() {
         for case in (0..256usize).filter(|case| case.count_ones() <= 4) {
@@ -213,7 +215,7 @@ mod tests {
         }
     }
 
-    /// Triangles face away from the inside, for one corner and for all but one.
+    /// Triangles face away from the inside, if one corner is inside and if all but one are.
     #[test]
     fn triangles_face_outwards() {
         let middle =

@@ -1,7 +1,8 @@
-//! When the words of a text are spoken: the most probable path of its letters through the frames.
+//! Finds when the words of a text are spoken, by the most probable path of its letters through the
+//! frames.
 //!
-//! Twin of `training/speech/letters.py`. A path (Viterbi, "Error bounds for convolutional
-//! codes", 1967) goes from a pause through the units of a word to the next pause. Units may be silent at a
+//! Twin of `training/speech/letters.py`. A path (Viterbi, "Error bounds for convolutional codes",
+//! 1967) goes from a pause through the units of a word to the next pause. Units may be silent at a
 //! cost. Pauses may be skipped.
 
 use std::ops::Range;
@@ -12,17 +13,17 @@ use super::letters::Word;
 
 /// Cost of a silent unit, nepers.
 const SILENT_COST: f32 = 5.0;
-/// Cost of a vowel that is not part of a letter's name, nepers.
+/// Cost of skipping the vowel before or after a consonant that is read by its name, nepers.
 const NAME_COST: f32 = 1.0;
-/// Least number of rows of a unit that sounds: the unit has this many states in a row.
+/// The fewest rows of a unit that sounds, since each unit has this many states in a row.
 const LEAST_ROWS: usize = 3;
 /// Most states in a row that a path may skip: two units and a pause.
 const LONGEST_SKIP: usize = 2 * LEAST_ROWS + 1;
 /// Cost of skipping a state that must not be skipped, nepers.
 const NEVER: f32 = 1e9;
-/// States to either side of the best one that a path may be in. For texts with fewer states the
-/// path is the best of all. For longer ones this bounds the memory to a byte for each of these
-/// states and each frame.
+/// How many states a path may be away from the best one, to either side. For texts with fewer
+/// states the path is the best of all. For longer texts this limits the memory to a byte for each
+/// of these states and each frame.
 const REACH: usize = 1500;
 
 /// A state of a path.
@@ -32,12 +33,12 @@ pub(super) struct State {
     pub(super) column: usize,
     /// Index of the word; `None` for a pause.
     pub(super) word: Option<usize>,
-    /// Cost of skipping it, nepers.
+    /// Cost of skipping the state, nepers.
     pub(super) skip: f32,
 }
 
-/// A pause, the units of a word, a pause, … Words without units have no states. `pause`: the column
-/// of a pause.
+/// The states of a text: a pause, the units of a word, a pause, and so on. Words without units have
+/// no states. `pause`: the column of a pause.
 pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     let state = |column, word, skip| State { column, word, skip };
     let mut out = vec![state(pause, None, 0.0)];
@@ -46,7 +47,7 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
         for (place, &column) in said.units.iter().enumerate() {
             let cost = match said.is_name {
                 true if place != 1 => NAME_COST,
-                // One of two units always sounds, so that no word vanishes between two pauses.
+                // The first of two units always sounds, so that no word vanishes between pauses.
                 false if count > 2 || count == 2 && place == 1 => SILENT_COST,
                 _ => NEVER,
             };
@@ -60,16 +61,16 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     out
 }
 
-/// State of each frame on the best path, `[T]`; `None` where there is no path.
+/// The state of each frame on the best path, `[T]`. `None` if there is no path.
 ///
 /// `emission`: nepers of each frame in each column, `[T, columns]`. From a state the path stays,
-/// goes on, or skips states at their cost.
+/// advances by one, or skips states at their cost.
 pub(super) fn best_path(emission: &Array2<f32>, states: &[State]) -> Option<Vec<usize>> {
     best_path_within(emission, states, REACH)
 }
 
-/// How the path reached the states of one frame: the first of these states, and for each how many
-/// states it advanced.
+/// How the best paths reached the states of one frame: the first of these states, and for each
+/// state by how many states its path advanced.
 struct Back {
     first: usize,
     moves: Vec<u8>,
@@ -79,8 +80,8 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     let count = states.len();
     let costs = costs_before(states);
     let mut backs: Vec<Back> = Vec::with_capacity(emission.nrows());
-    // Scores of the states, the latest last. Before the first frame the path stands before all
-    // states.
+    // Scores of the window's states in the latest frame. Before the first frame the path stands
+    // before all states.
     let mut scores: Vec<f64> = Vec::new();
     let mut window = 0..count.min(LONGEST_SKIP + 1);
     for row in emission.rows() {
@@ -105,7 +106,7 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     (best > -f64::from(NEVER) / 10.0).then(|| back_from(end, &backs))
 }
 
-/// Cost of skipping all states before each one, `[N + 1]`, nepers.
+/// The cost of skipping all states before each state, `[N + 1]`, nepers.
 fn costs_before(states: &[State]) -> Vec<f64> {
     let mut sum = 0.0;
     let after = states.iter().map(|state| {
@@ -115,8 +116,8 @@ fn costs_before(states: &[State]) -> Vec<f64> {
     std::iter::once(0.0).chain(after).collect()
 }
 
-/// The best score for reaching a state, and how many states the path advances from the one before.
-/// `scores`: those of the states from `first` on.
+/// The best score for reaching a state, and by how many states the path advances to it.
+/// `scores`: those of the states from `first` on, in the frame before.
 fn best_step(state: usize, scores: &[f64], first: usize, costs: &[f64]) -> (f64, u8) {
     let (mut best, mut by) = (f64::NEG_INFINITY, 0);
     for step in 0..=(LONGEST_SKIP + 1).min(state.saturating_sub(first)) {
@@ -133,7 +134,7 @@ fn best_step(state: usize, scores: &[f64], first: usize, costs: &[f64]) -> (f64,
     (best, by)
 }
 
-/// The states that the next frame may be in: the reachable ones within `reach` of the best.
+/// The states that the next frame may be in: the reachable ones within `reach` of the best state.
 fn next_window(scores: &[f64], window: &Range<usize>, count: usize, reach: usize) -> Range<usize> {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     let best = window.start + best.unwrap_or(0);

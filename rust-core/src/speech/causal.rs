@@ -1,13 +1,14 @@
-//! Speech to numbers at 25 Hz while somebody is speaking: samples in, rows out, a fifth of a second behind.
+//! Turns speech into rows of numbers at 25 Hz while somebody is speaking, at most a fifth of a
+//! second late.
 //!
-//! A small convolutional network. Log-mel passes a running normalisation, a strided stem to 50 Hz, a strided
-//! step to 25 Hz, blocks that look a little ahead, and blocks that look back only. What its rows mean is
-//! its owner's affair: FreeTalk's stream has landmarks of it, EmoFace's what its content branch hears. Twin
-//! of `training/speech/causal.py`.
+//! A small convolutional network. Log-mel passes a running normalisation, a strided stem to 50 Hz,
+//! a strided step to 25 Hz, blocks that look a little ahead, and blocks that only look back. The
+//! caller decides what the rows mean: FreeTalk's stream gets landmarks, EmoFace's gets the features
+//! of its content branch. Twin of `training/speech/causal.py`.
 //!
-//! Guaranteed: row `t` depends on samples below `640 t + look_ahead_samples` alone, and is the same bit for
-//! bit however the samples were cut into pushes, because every layer takes one frame at a time. State is
-//! bounded; only samples that were pushed and not yet pulled as rows pile up.
+//! Guaranteed: row `t` depends only on samples below `640 t + look_ahead_samples`. It is bit for bit
+//! the same however the samples were cut into pushes, because every layer takes one frame at a time.
+//! The state is bounded. Only samples that were pushed and not yet pulled as rows accumulate.
 
 mod config;
 mod layers;
@@ -33,7 +34,7 @@ use normaliser::RunningNormaliser;
 const EPSILON: f32 = 1e-5;
 /// Time from one mel frame to the next, seconds.
 const MEL_S: f64 = HOP as f64 / SAMPLE_RATE_HZ as f64;
-/// Beyond this a sample is limited, so that its square stays a number.
+/// Samples are clamped to this magnitude, so that their squares stay finite.
 const LOUDEST: f32 = 1e4;
 
 /// The weights of a causal network.
@@ -51,7 +52,7 @@ pub struct CausalModel {
     std: Vec<f32>,
 }
 
-/// What comes some frames later, foretold from what was heard.
+/// A further head: predicts a row some frames ahead of the main head from the same sound.
 struct SoonerHead {
     block: CausalBlock,
     norm: LayerNorm,
@@ -59,7 +60,7 @@ struct SoonerHead {
 }
 
 impl SoonerHead {
-    /// Looks at a row and the two before it.
+    /// Sees a row and the two before it.
     const BLOCK: Block = Block {
         dilation: 1,
         ahead: 0,
@@ -75,10 +76,11 @@ impl SoonerHead {
 }
 
 impl CausalModel {
-    /// From the bytes of `model.safetensors` and the text of `config.json`; `outputs` is what the owner wants.
+    /// From the bytes of `model.safetensors` and the text of `config.json`. `outputs` is the length
+    /// of a row that the caller expects.
     ///
     /// # Errors
-    /// `Weights` if either is damaged, they do not fit each other, or rows have another length.
+    /// `Weights` if either is damaged, they do not fit each other, or rows have a different length.
     pub fn load(weights: &[u8], config: &str, outputs: usize) -> Result<Self> {
         let config = CausalConfig::from_json(config)?;
         if config.outputs != outputs {
@@ -123,7 +125,7 @@ impl CausalModel {
     }
 }
 
-/// Speech that is being heard: push samples, pull rows.
+/// A stream of speech: push samples, pull rows.
 pub struct CausalSpeech {
     model: Arc<CausalModel>,
     analyser: MelAnalyser,
@@ -133,15 +135,15 @@ pub struct CausalSpeech {
     down: HalvingState,
     listen: Vec<BlockState>,
     perform: Vec<BlockState>,
-    /// The further head that speaks, and what it remembers; none: the main one.
+    /// The further head that gives the rows, and its state. `None` for the main head.
     sooner: Option<(usize, BlockState)>,
     /// Seconds since somebody was last heard to speak.
     quiet_s: f64,
-    /// From the start of the next mel frame on.
+    /// Samples from the start of the next mel frame onwards.
     samples: VecDeque<f32>,
     pushed: u64,
     next_row: usize,
-    /// Rows in all, once the sound has ended.
+    /// Number of rows of the whole sound, once it has ended.
     total: Option<usize>,
     row: Vec<f32>,
     out: Vec<f32>,
@@ -153,9 +155,10 @@ impl CausalSpeech {
         Self::by(model, None)
     }
 
-    /// The same whose rows are those of a further head, or of the main one.
+    /// The same with the rows of a further head, or of the main one for `None`.
     pub fn by(model: Arc<CausalModel>, head: Option<usize>) -> Self {
-        // Silence before the sound, by which a head speaks sooner: its first row stands for the first frame.
+        // A further head predicts a later frame. This much silence before the sound makes its first
+        // row the first frame's.
         let before = model.config.look_ahead_samples() - model.config.look_ahead_samples_of(head);
         let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
         CausalSpeech {
@@ -190,7 +193,7 @@ impl CausalSpeech {
     /// Takes samples `[S]`, mono at 16 kHz.
     ///
     /// # Errors
-    /// `Audio` for samples that are not finite, of which none is taken; `InvalidInput` after
+    /// `Audio` if a sample is not finite (then none is taken); `InvalidInput` after
     /// [`CausalSpeech::finish`].
     pub fn push(&mut self, samples: &[f32]) -> Result<()> {
         self.check_open("push")?;
@@ -207,10 +210,10 @@ impl CausalSpeech {
         Ok(())
     }
 
-    /// The sound ends here: silence follows it for the rows that still look ahead.
+    /// Ends the sound. Silence follows it, so that the last rows have their look-ahead.
     ///
     /// # Errors
-    /// `InvalidInput` if it was finished before.
+    /// `InvalidInput` if the stream was finished before.
     pub fn finish(&mut self) -> Result<()> {
         self.check_open("finish")?;
         let frame = SAMPLES_PER_FRAME as u64;
@@ -220,8 +223,8 @@ impl CausalSpeech {
         Ok(())
     }
 
-    /// The next row `[outputs]`, if enough was heard for it. `listener` hears every 10 ms too, in
-    /// order: the samples about it.
+    /// The next row `[outputs]`, if enough sound has come for it. Also calls `listener` with the
+    /// samples around every 10 ms, in order.
     pub fn pull(&mut self, mut listener: impl FnMut(&[f32; FRAME])) -> Option<&[f32]> {
         if self.total.is_some_and(|total| self.next_row >= total) {
             return None;
@@ -236,12 +239,12 @@ impl CausalSpeech {
         }
     }
 
-    /// Number of the row that [`CausalSpeech::pull`] gives next.
+    /// Index of the row that [`CausalSpeech::pull`] gives next.
     pub fn next_row(&self) -> usize {
         self.next_row
     }
 
-    /// Seconds since somebody was last heard to speak; infinite before anybody was.
+    /// Seconds since somebody was last heard to speak; infinite before anybody has spoken.
     pub fn quiet_s(&self) -> f64 {
         self.quiet_s
     }
@@ -261,13 +264,13 @@ impl CausalSpeech {
         self.pushed > 0
     }
 
-    /// Samples after a frame's instant that its row waits for.
+    /// Number of samples after a frame's time that its row waits for.
     pub fn look_ahead_samples(&self) -> usize {
         let head = self.sooner.as_ref().map(|(number, _)| *number);
         self.model.config.look_ahead_samples_of(head)
     }
 
-    /// Raw log-mel of the next 10 ms.
+    /// Raw log-mel of the next 10 ms, if its samples have come.
     fn next_mel(&mut self, listener: &mut impl FnMut(&[f32; FRAME])) -> Option<[f32; BANDS]> {
         if self.samples.len() < FRAME {
             return None;
@@ -283,7 +286,8 @@ impl CausalSpeech {
         Some(mel)
     }
 
-    /// Takes one mel frame; now and then that completes what a row hears, in `row`.
+    /// Takes one mel frame. `Some` if it completes the look-ahead of a row; its features are in
+    /// `row`.
     fn listen(&mut self, mel: &[f32; BANDS]) -> Option<()> {
         let model = &self.model;
         self.row
@@ -294,7 +298,7 @@ impl CausalSpeech {
         through(&model.listen, &mut self.listen, &mut self.row)
     }
 
-    /// Turns what was heard into a row.
+    /// Turns the features in `row` into the next output row.
     fn say(&mut self) -> &[f32] {
         let model = &self.model;
         through(&model.perform, &mut self.perform, &mut self.row).expect("blocks that look back");

@@ -1,20 +1,21 @@
-//! When the lips are closed, by the read-out of a speech encoder.
+//! When the lips are closed, according to the read-out of a speech encoder.
 //!
 //! Twin of `contacts` in `training/corpus/closures.py`.
 
 use std::ops::Range;
 
-/// Probabilities between which the lips go from their own place to contact.
+/// Probability of a closure above which the lips start to move towards contact.
 const SURE_FROM: f32 = 0.2;
+/// Probability of a closure at which the lips reach contact.
 const SURE_AT: f32 = 0.35;
-/// Frames to either side whose highest probability counts, and the share of it that a frame must
-/// reach: the foot of a peak is no closure.
+/// Frames to either side that are searched for the highest probability.
 const PEAK_FRAMES: usize = 2;
+/// A frame must reach this share of that probability: the foot of a peak is no closure.
 const PEAK_SHARE: f32 = 0.75;
-/// Two intervals are the same where both their ends are this near, seconds: files round.
+/// Two intervals are the same if both their ends are closer than this, seconds: files round.
 const SAME_S: f64 = 1e-3;
 
-/// A time in which the lips touch.
+/// A span of time in which the lips touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Where it begins, seconds.
@@ -23,11 +24,11 @@ pub struct Contact {
     pub end_s: f64,
     /// How far the lips go towards contact, 0 to 1.
     pub share: f32,
-    /// The lips touch from start to end. Otherwise they touch somewhere between the two.
+    /// Whether the lips touch from start to end. Otherwise they touch at some time in between.
     pub lasts: bool,
 }
 
-/// When the lips are closed, by the sound or by an artist.
+/// When the lips are closed, as heard in the sound or set by an artist.
 ///
 /// ```
 /// use anyface::speech::LipClosures;
@@ -43,14 +44,16 @@ pub struct LipClosures {
     /// The probability where it is near its peak, 0 elsewhere.
     probability: Vec<f32>,
     rate_hz: f64,
-    /// Intervals that are not in the sound.
+    /// An artist's intervals that are not in the sound.
     added: Vec<[f64; 2]>,
 }
 
 impl LipClosures {
-    /// From `probability` `[T']` of a sound, frame `t` at `t / rate_hz` seconds.
+    /// From the probability of a closure in each frame of a sound, `[T']`, frame `t` at
+    /// `t / rate_hz` seconds.
     ///
-    /// A frame counts where its probability is three quarters of the highest within two frames.
+    /// A frame counts if its probability is at least three quarters of the highest within two
+    /// frames.
     pub fn heard(probability: &[f32], rate_hz: f64) -> LipClosures {
         LipClosures {
             probability: peaks(probability),
@@ -59,8 +62,8 @@ impl LipClosures {
         }
     }
 
-    /// Where the lips close, `[start_s, end_s]` in rising order. Each frame lasts half a frame to
-    /// either side.
+    /// The times in which the lips are closed, `[start_s, end_s]` in rising order. A frame covers
+    /// half a frame to either side of its time.
     pub fn intervals(&self) -> Vec<[f64; 2]> {
         let contacts = self.contacts().into_iter();
         contacts
@@ -68,8 +71,8 @@ impl LipClosures {
             .collect()
     }
 
-    /// The same with these intervals instead. Intervals of the sound stay to the bit, unlisted ones
-    /// are removed, and new ones are added.
+    /// Replaces the intervals by these. Those of the sound that are listed stay bit for bit the
+    /// same, unlisted ones are removed, and new ones are added.
     #[must_use]
     pub fn mended(&self, intervals: &[[f64; 2]]) -> LipClosures {
         let near = |a: f64, b: f64| (a - b).abs() < SAME_S;
@@ -90,11 +93,11 @@ impl LipClosures {
         out
     }
 
-    /// Where lips touch, in rising order.
+    /// The contacts of the lips, in rising order.
     ///
-    /// In a closure of the sound, the lips go as far as its highest probability says (a smooth step
-    /// from 0.2 to 0.35) and touch somewhere in it. In an artist's interval they touch from start
-    /// to end.
+    /// In a closure of the sound, the highest probability decides how far the lips close (a smooth
+    /// step from 0.2 to 0.35), and they touch at some time in it. In an artist's interval they
+    /// touch from start to end.
     pub fn contacts(&self) -> Vec<Contact> {
         let heard = self.runs().into_iter().map(|run| {
             let highest = self.probability[run.clone()]
@@ -119,7 +122,8 @@ impl LipClosures {
         all
     }
 
-    /// Where a run of frames begins and ends. Each frame lasts half a frame to either side.
+    /// Start and end of a run of frames, seconds. A frame covers half a frame to either side of its
+    /// time.
     fn seconds(&self, run: &Range<usize>) -> [f64; 2] {
         [run.start, run.end].map(|frame| ((frame as f64 - 0.5) / self.rate_hz).max(0.0))
     }
@@ -153,7 +157,7 @@ fn peaks(probability: &[f32]) -> Vec<f32> {
     probability.iter().enumerate().map(near_highest).collect()
 }
 
-/// How far the lips go towards contact at a probability of a closure, 0 to 1: a smooth step from
+/// How far the lips go towards contact for a probability of a closure, 0 to 1: a smooth step from
 /// 0.2 to 0.35.
 pub fn closure_share(probability: f32) -> f32 {
     let x = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0.0, 1.0);

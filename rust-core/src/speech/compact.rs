@@ -1,9 +1,9 @@
 //! The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
 //!
-//! Twin of `training/speech/compact.py`; the golden holds both together. Output frame `i` is
+//! Twin of `training/speech/compact.py`; a golden file checks that both agree. Output frame `i` is
 //! centred on mel frame `4 i`, that is on second `i / 25`. A linear read-out of the features says
-//! when the lips are together. Long sounds are encoded in spans with
-//! enough context on both sides that the result is the same as that of the whole.
+//! when the lips are together. Long sounds are encoded in spans. Each span has enough context on
+//! both sides to give the same result as the whole sound at once.
 
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, Slice};
 
@@ -29,7 +29,7 @@ pub(crate) const ACTIVE_RANGE: f32 = 4.0;
 pub(crate) const QUIETEST_LEVEL: f32 = -9.0;
 pub(crate) const DEEPEST: f32 = -12.0;
 pub(crate) const SCALE: f32 = 4.0;
-/// Mel frames to an output frame.
+/// Mel frames per output frame.
 const STRIDE: usize = 4;
 /// Output frames of a span, without its context.
 const SPAN: usize = 1024;
@@ -39,7 +39,7 @@ const EPSILON: f32 = 1e-5;
 /// Sizes of the encoder, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct CompactConfig {
-    /// The word that names the encoder.
+    /// Name of the encoder.
     pub model: String,
     /// Mel bands; always [`BANDS`].
     pub bands: usize,
@@ -49,7 +49,7 @@ pub struct CompactConfig {
     pub fine_dilations: Vec<usize>,
     /// Dilations of the blocks at 25 Hz.
     pub coarse_dilations: Vec<usize>,
-    /// What the strides amount to; always 25.
+    /// Output frames per second, which the strides determine; always 25.
     pub rate_hz: f64,
 }
 
@@ -81,7 +81,7 @@ impl CompactEncoder {
         CompactEncoder::of_weights(config, &Weights::from_bytes(weights)?)
     }
 
-    /// From weights, of any number of bands.
+    /// From weights, for any number of bands.
     pub(super) fn of_weights(config: CompactConfig, weights: &Weights) -> Result<Self> {
         let channels = config.channels;
         let blocks = |name: &str, dilations: &[usize]| -> Result<Vec<_>> {
@@ -127,15 +127,15 @@ impl CompactEncoder {
         Ok(out)
     }
 
-    /// Output frames on either side that one output frame depends on.
+    /// Number of output frames on either side that one output frame depends on.
     fn context(&self) -> usize {
         let coarse: usize = self.config.coarse_dilations.iter().sum();
         let fine: usize = self.config.fine_dilations.iter().sum();
-        // The fine blocks and the strided step at 50 Hz, the stem's 2 mel frames rounded up.
+        // The fine blocks and the strided step run at 50 Hz. The stem's 2 mel frames are rounded up.
         coarse + (fine + 1).div_ceil(2) + 1
     }
 
-    /// The same of a span that is heard by itself, `[T, bands]`.
+    /// The same for one span by itself, `[T, bands]`.
     pub(super) fn forward_span(&self, mel: &ArrayRef2<f32>) -> Array2<f32> {
         let mut x = self.stem.forward_then(mel, gelu_all);
         for block in &self.fine {
@@ -181,9 +181,9 @@ impl SpeechEncoder for CompactEncoder {
 ///
 /// The level of a frame is its mean over bands. Frames within 4 nepers (of power) of the 95 %
 /// quantile of levels are active (quantile with linear interpolation). Each band's mean over the
-/// active frames is subtracted; if the mean of these means is under −9, all are raised together
-/// so that it is −9: near-silence stays silent instead of being blown up. Then the result is
-/// bounded below by −12 and divided by 4.
+/// active frames is subtracted. If the mean of these means is below −9, all of them are first raised
+/// by the same amount to bring it to −9, so that near-silence is not amplified. Then values below
+/// −12 become −12, and the result is divided by 4.
 ///
 /// `mel`: `[T, 64]` from [`log_mel`], at least one frame. Returns the same shape, unitless.
 pub fn normalise(mut mel: Array2<f32>) -> Array2<f32> {
@@ -310,7 +310,7 @@ mod tests {
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let samples = floats(&file.tensor("input").unwrap());
         let mel = log_mel(&samples);
-        // The chirp leaves bands 100 dB down, where single precision differs between FFTs.
+        // The chirp leaves some bands 100 dB down, where FFTs in single precision disagree.
         assert!(largest_difference(&mel, &array(&file, "output")) < 1e-3);
         assert!(largest_difference(&normalise(mel), &array(&file, "normalised")) < 1e-3);
     }

@@ -1,13 +1,14 @@
-//! When the lips touch and how round they are, by the encoder and the phones together.
+//! When the lips touch and how round they are, judged by the encoder and the phones together.
 
 use super::{Heard, LipClosures};
 
-/// Weight of the phones' log-odds against the encoder's own, and the bias with which both together
-/// raise no more false closures than the encoder alone.
+/// Weight of the phones' log-odds. The encoder's own get the rest.
 const PHONES_SHARE: f32 = 0.45;
+/// Bias of the joint log-odds: with it, both together raise no more false closures than the encoder
+/// alone.
 const EARLIER: f32 = 1.5;
 const LEAST: f32 = 1e-5;
-/// Weights of five frames, 0.2 s, over which rounding is smoothed.
+/// Weights that smooth the rounding over five frames, 0.2 s.
 const KERNEL: [f32; 5] = [0.1, 0.25, 0.3, 0.25, 0.1];
 
 /// When the lips of a speaker touch, and how round they are.
@@ -38,8 +39,8 @@ pub struct LipRounding {
 }
 
 impl LipRounding {
-    /// From the degree of each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. Smooths
-    /// it to the pace of lips, which come forward within 0.16 s.
+    /// From the degree in each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. Smooths
+    /// it to the speed of real lips, which come forward within 0.16 s.
     pub fn heard(degree: Vec<f32>, rate_hz: f64) -> LipRounding {
         let at = |t: isize| degree[t.clamp(0, degree.len() as isize - 1) as usize];
         let smooth = |t: isize| (-2..=2).map(|k| KERNEL[(k + 2) as usize] * at(t + k)).sum();
@@ -49,7 +50,7 @@ impl LipRounding {
         }
     }
 
-    /// The degree in motion frames, `[T]`.
+    /// The degree at each motion frame, `[T]`.
     pub fn at_frames(&self, frames: usize, fps: f64) -> Vec<f32> {
         let last = match self.degree.len() {
             0 => return vec![0.0; frames],
@@ -70,8 +71,8 @@ impl Heard {
     ///
     /// The encoder ([`super::SpeechEncoder::closed_lips`]) and the phones together find p, b, m.
     /// They miss fewer than the encoder alone, with as many false ones (the card of
-    /// `cafe_talk_compact` has the counts). Only the phones find f and v. Without phones that know
-    /// the encoder's features, the encoder decides alone.
+    /// `cafe_talk_compact` has the counts). Only the phones find f and v. If no phone model was
+    /// trained on this encoder's features, the encoder decides alone.
     pub fn contacts(&self, intervals: Option<&[[f64; 2]]>) -> LipContacts {
         let rate_hz = self.track.rate_hz;
         let features = self.features(rate_hz);
@@ -104,7 +105,7 @@ impl Heard {
     }
 }
 
-/// The joint probability of a closure: the weighted sum of the log-odds.
+/// The joint probability of a closure, from the weighted sum of both log-odds and a bias.
 fn agreed(encoder: f32, phones: f32) -> f32 {
     let odds = |p: f32| {
         let p = p.clamp(LEAST, 1.0 - LEAST);

@@ -59,7 +59,7 @@ impl ConvFeatures {
         self.hop
     }
 
-    /// Samples that one frame sees.
+    /// Number of samples that one frame depends on.
     pub fn receptive_field(&self) -> usize {
         self.receptive_field
     }
@@ -124,7 +124,7 @@ impl ChannelNorm {
         })
     }
 
-    /// Normalises `x`, `[T, C]`, over `T`, then GELU, in place.
+    /// Normalises `x`, `[T, C]`, over `T`, then applies GELU, in place.
     fn forward_gelu(&self, x: &mut Array2<f32>) {
         let channels = x.ncols();
         let mean = channel_means(x, &vec![0.0; channels], |x| x);

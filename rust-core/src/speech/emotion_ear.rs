@@ -35,7 +35,7 @@ use crate::{
 /// Built-in weights of [`EmotionEar`].
 pub static EMOTION_EAR: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_EAR);
 
-/// Log-mel relative to the loud level, pitch, and how periodic the sound is.
+/// Inputs per frame: log-mel relative to the loud level, pitch, and how periodic the sound is.
 const INPUTS: usize = BANDS + 2;
 const DEEPEST: f32 = -12.0;
 const SCALE: f32 = 4.0;
@@ -58,7 +58,7 @@ pub struct EmotionEarConfig {
     /// Outputs of the network.
     #[serde(rename = "told")]
     pub outputs: usize,
-    /// Emotions in its training data, all of [`EMOTIONS`], neutral among them.
+    /// Emotions in its training data, all of `EMOTIONS`, neutral among them.
     pub emotions: Vec<String>,
 }
 
@@ -71,10 +71,10 @@ pub struct EmotionEar {
 }
 
 impl EmotionEar {
-    /// The built-in ear, or that of `folder`.
+    /// The built-in ear, or the one in `folder`.
     ///
     /// # Errors
-    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    /// `Weights` or `Io` if a file is missing or damaged, or the files do not fit each other.
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = EMOTION_EAR.open(folder)?;
         Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
@@ -116,8 +116,9 @@ impl EmotionEar {
 
     /// How a speaker sounds without emotion, from a recording.
     ///
-    /// Rows of the voice are moved by the difference between the speaker's mean row there and that
-    /// of the training data's readers. Little voice moves them less.
+    /// Later, every row of the speaker is shifted by the difference between his mean row in the
+    /// recording and that of the training data's readers. The less voice the recording has, the
+    /// smaller the shift.
     ///
     /// # Errors
     /// `Audio` if nobody speaks in it.
@@ -144,7 +145,7 @@ impl EmotionEar {
     }
 }
 
-/// `[T, 66]` of a window.
+/// The network's inputs for a window, `[T, 66]`.
 fn inputs_of(window: &VoiceWindow) -> Array2<f32> {
     let rows = window.octave.len();
     Array2::from_shape_fn((rows, INPUTS), |(t, k)| match k {

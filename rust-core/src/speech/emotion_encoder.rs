@@ -27,15 +27,16 @@ pub static EMOTION_ENCODER: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOT
 
 /// Number of measurements at an instant.
 pub const NUMBERS: usize = 118;
-/// Frames of 10 ms in the window, least number before the first instant, and number from one
-/// instant to the next.
+/// Frames of 10 ms in a full window.
 const WINDOW: usize = 200;
+/// Frames before the first instant.
 const LEAST: usize = 80;
+/// Frames from one instant to the next.
 const STEP: usize = 16;
 const FRAMES_HZ: f64 = 100.0;
 const PEAK: f32 = 0.9;
 const SILENT: f32 = 1e-4;
-/// Frames within this distance of the window's loud level are active, nepers.
+/// Frames less than this far below the window's loud level are active, nepers.
 const ACTIVE_NEPERS: f64 = 4.0;
 const LOUD_SHARE: f64 = 0.95;
 const FIRST_LAG: usize = SAMPLE_RATE_HZ as usize / 400;
@@ -56,7 +57,7 @@ const CEPSTRA: usize = 20;
 /// `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct EmotionEncoderConfig {
-    /// Number of measurements; always [`NUMBERS`].
+    /// Number of measurements; always `NUMBERS`.
     pub numbers: usize,
     /// Coordinates of the discriminant.
     pub coordinates: usize,
@@ -64,7 +65,7 @@ pub struct EmotionEncoderConfig {
     pub emotions: Vec<String>,
 }
 
-/// Measurements of a voice in frames of 10 ms, whatever its level.
+/// Measurements of a voice in frames of 10 ms, independent of its level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoiceTrack {
     /// `[M, 64]`, log-mel.
@@ -91,7 +92,7 @@ pub struct VoiceWindow {
     pub(super) active: Vec<bool>,
     /// `[T]`, whether the sound has a pitch.
     pub(super) voiced: Vec<bool>,
-    /// [`NUMBERS`] of them.
+    /// The [`NUMBERS`] measurements.
     pub(super) numbers: Vec<f64>,
     /// Frames of 10 ms from the start of the voice.
     pub(super) frames: Range<usize>,
@@ -120,7 +121,7 @@ impl VoiceTrack {
         VoiceTrack::hear(waveform, job::SILENT).expect("nobody cancels it")
     }
 
-    /// The same for a sound that may be long.
+    /// The same for a sound that may be long: reports progress and can be cancelled.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -199,7 +200,7 @@ impl VoiceTrack {
         out
     }
 
-    /// The windows that end at each instant, of which only one in `every` is returned.
+    /// The windows that end at the instants, only one in `every` of them.
     pub(super) fn windows(&self, every: usize) -> Vec<VoiceWindow> {
         let cepstra = self.mel.dot(&cepstral_basis());
         let ends = (LEAST..=self.octave.len()).step_by(STEP * every);
@@ -210,7 +211,7 @@ impl VoiceTrack {
         ends.map(window).collect()
     }
 
-    /// Measures the frames from `first` to `end`. `cepstra` `[T, 20]`: theirs.
+    /// Measures the frames from `first` to `end`. `cepstra`: those of these frames, `[T, 20]`.
     fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> VoiceWindow {
         let mel = self.mel.slice(s![first..end, ..]);
         let level: Vec<f64> = mel
@@ -273,10 +274,10 @@ fn check_voice(what: &str, waveform: &Waveform) -> Result<()> {
 }
 
 impl EmotionEncoder {
-    /// The built-in encoder, or that of `folder`.
+    /// The built-in encoder, or the one in `folder`.
     ///
     /// # Errors
-    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    /// `Weights` or `Io` if a file is missing or damaged, or the files do not fit each other.
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = EMOTION_ENCODER.open(folder)?;
         Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
@@ -331,10 +332,10 @@ impl EmotionEncoder {
         &self.config.emotions
     }
 
-    /// `F_e` at motion frames, `[frames, E]`. Each frame depends on the sound before it, the first
-    /// ones on the first 0.8 s.
+    /// `F_e` at motion frames, `[frames, E]`. Each frame depends on the sound up to 160 ms after it,
+    /// the first ones on the first 0.8 s.
     ///
-    /// A shorter sound gets the mean of the training data.
+    /// A sound shorter than 0.8 s gets the mean of the training data.
     pub fn at_frames(&self, voice: &VoiceTrack, frames: usize, fps: f64) -> Array2<f32> {
         let frame = |t: usize| t as f64 * (FRAMES_HZ / fps);
         self.sampled(voice, frames, frame)
@@ -386,7 +387,7 @@ impl EmotionEncoder {
     }
 }
 
-/// Measurements of 10 ms.
+/// Measurements of one frame of 10 ms.
 struct HeardFrame {
     mel: [f32; BANDS],
     /// log2 of the pitch in Hz.
@@ -394,7 +395,7 @@ struct HeardFrame {
     periodic: f64,
 }
 
-/// Measures one frame after the other.
+/// Measures one frame after another.
 struct Ear {
     analyser: MelAnalyser,
     cosines: Array2<f64>,
@@ -429,7 +430,7 @@ impl Ear {
     }
 }
 
-/// `[45, lags]`: each bin's part in the autocorrelation.
+/// `[45, lags]`: each bin's contribution to the autocorrelation.
 fn cosines() -> Array2<f64> {
     Array2::from_shape_fn((HIGH_BIN - LOW_BIN, END_LAG - FIRST_LAG), |(bin, lag)| {
         let turns = ((LOW_BIN + bin) * (FIRST_LAG + lag)) as f64 / FFT;
@@ -511,7 +512,8 @@ fn loudness(level: &[f64], loud: f64, active: &[bool]) -> Vec<f64> {
     out
 }
 
-/// By how much high bands are louder than low ones in frames `[T, 64]`: halves, then the outer quarters.
+/// How much louder the high bands are than the low ones in frames `[T, 64]`: for the halves, then
+/// for the outer quarters.
 fn tilt(spoken: &Array2<f64>) -> [f64; 2] {
     let part = |from: usize, to: usize| {
         let part = spoken.slice(s![.., from..to]);
@@ -523,8 +525,8 @@ fn tilt(spoken: &Array2<f64>) -> [f64; 2] {
     ]
 }
 
-/// Means and deviations of the cepstra `[T, 20]` of a window and of their changes from frame to frame, 80 numbers.
-/// The first cepstrum is relative to the `loud` level.
+/// Means and deviations of the cepstra `[T, 20]` of a window and of their changes from frame to
+/// frame, 80 numbers. The first cepstrum is relative to the `loud` level.
 fn timbre(cepstra: ArrayView2<'_, f64>, loud: f64, active: &[bool]) -> Vec<f64> {
     let mut cepstra = cepstra.to_owned();
     cepstra
@@ -563,8 +565,8 @@ fn deviation(values: &[f64]) -> f64 {
     mean(&squares).sqrt()
 }
 
-/// The value below which a share `q` of `values` lies, linear between order statistics as numpy counts it; NaN
-/// without values.
+/// The `q` quantile of `values`, with linear interpolation between order statistics as in numpy;
+/// NaN without values.
 fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

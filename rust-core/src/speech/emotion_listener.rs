@@ -1,17 +1,18 @@
-//! An emotion that is heard while somebody is speaking, for systems that hear none themselves.
+//! Recognises emotion while somebody is speaking, for systems that do not do so themselves.
 
 use std::{collections::VecDeque, sync::Arc};
 
 use super::{EmotionEar, EmotionEncoder, FRAME, HOP, LiveEar, LiveEmotion};
 use crate::conditions::Emotion;
 
-/// Keeps samples until they are to be heard, so that what is felt depends on how much was heard and not on when it came.
+/// Stores samples until they are needed, so that the emotion depends on how much sound was used and
+/// not on when it arrived.
 pub struct EmotionListener {
     windows: LiveEmotion,
     ear: LiveEar,
-    /// From half a frame before the next instant on.
+    /// Samples from half a frame before the next instant onwards.
     samples: VecDeque<f32>,
-    /// Instants of 10 ms that were heard.
+    /// Number of instants so far, one every 10 ms.
     instants: u64,
 }
 
@@ -31,7 +32,8 @@ impl EmotionListener {
         self.samples.extend(samples);
     }
 
-    /// What is felt after the first `count` samples, or after those that have come; `count` rises from call to call.
+    /// The emotion after the first `count` samples, or after all that have arrived if there are
+    /// fewer. `count` must rise from call to call.
     pub fn emotion_after(&mut self, count: u64) -> Emotion {
         while self.samples.len() >= FRAME
             && self.instants * HOP as u64 + (FRAME / 2) as u64 <= count

@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// Names of published models for the emotions.
+/// The names that published models give each emotion.
 const NAMES: [(&str, &str); 12] = [
     ("neutral", "neutral neu"),
     (
@@ -38,14 +38,16 @@ const NAMES: [(&str, &str); 12] = [
     ("disgusted", "disgusted disgust dis"),
     ("contempt", "contempt"),
 ];
-/// Seconds between instants, and seconds of sound before and after each.
+/// Seconds between instants.
 const STEP_S: f64 = 0.25;
+/// Seconds of sound before and after each instant.
 const AROUND_S: f64 = 1.0;
-/// A shorter sound has no emotion.
+/// A sound shorter than this has no emotion, seconds.
 const LEAST_S: f64 = 0.8;
-/// Distances from the middle of arousal and valence at which an emotion begins, and at which it
-/// shows fully. 1 is the rim.
+/// Distance from the middle of arousal and valence at which an emotion begins. 1 is the rim of the
+/// circle.
 const FELT_FROM: f64 = 0.2;
+/// Distance at which it shows fully.
 const FELT_FULLY: f64 = 0.8;
 
 /// Labels and head in `config.json`.
@@ -63,7 +65,7 @@ struct Config {
 /// Recognises emotions by a published model.
 ///
 /// Its categories are mapped to [`EMOTIONS`] by name; other labels count as neutral. Arousal and
-/// valence from 0 to 1 are directions of Russell's circle (1980): happy, angry (afraid where the
+/// valence, from 0 to 1, give a direction on Russell's circle (1980): happy, angry (afraid if the
 /// model has dominance and it is below the middle), sad, calm.
 pub struct EmotionModel {
     encoder: TransformerEncoder,
@@ -77,7 +79,7 @@ pub struct EmotionModel {
 /// The meaning of the outputs.
 #[derive(Debug, PartialEq)]
 enum Tells {
-    /// The number in [`EMOTIONS`] of each output.
+    /// The index in [`EMOTIONS`] of each output.
     Categories(Vec<usize>),
     /// Indices of the outputs.
     Dimensions {
@@ -88,10 +90,12 @@ enum Tells {
 }
 
 impl EmotionModel {
-    /// Reads `config.json` with `id2label`, the weights and, where it is there, `preprocessor_config.json`.
+    /// Reads `config.json` with `id2label`, the weights and, if present,
+    /// `preprocessor_config.json`.
     ///
     /// # Errors
-    /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or no label is known.
+    /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or no
+    /// label is known.
     pub fn load_folder(folder: &Path) -> Result<Self> {
         let path = folder.join("config.json");
         let text = read_text(&path, InputKind::Text)?;
@@ -123,8 +127,8 @@ impl EmotionModel {
     }
 
     /// The emotion of a voice over time: the mean of the results for the whole sound and for the
-    /// second before and after each instant. Categories become expressions like those of the
-    /// built-in encoder.
+    /// second before and after each instant. Categories become expressions by the same rule as those
+    /// of the built-in ear.
     ///
     /// # Errors
     /// `Audio` for a sound too short for the encoder; `Numerics` where the weights give numbers
@@ -155,7 +159,7 @@ impl EmotionModel {
         Ok(EmotionCurve::Keys(keys?))
     }
 
-    /// Probabilities of the labels, or the dimensions, from the mean of some frames, `[C]`.
+    /// Probabilities of the labels, or the dimensions, from the mean feature of some frames, `[C]`.
     fn outputs(&self, pooled: &Array1<f32>) -> Result<Array1<f64>> {
         let mut outputs = self.logits(pooled);
         check_result("emotion of the voice", outputs.view().into_dyn())?;
@@ -175,7 +179,7 @@ impl EmotionModel {
 }
 
 impl Config {
-    /// In the order of the outputs.
+    /// The labels in lower case, in the order of the outputs.
     fn labels(&self) -> std::result::Result<Vec<String>, String> {
         let number = |id: &String| id.parse::<usize>().ok();
         let mut labels = vec![None; self.id2label.len()];

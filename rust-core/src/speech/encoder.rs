@@ -1,4 +1,4 @@
-//! What encoders of speech have in common.
+//! What all speech encoders have in common.
 
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ pub struct FeatureTrack {
     pub features: Array2<f32>,
     /// Frames per second.
     pub rate_hz: f64,
-    /// Second at which the first frame stands: the middle of the sound that it hears.
+    /// Time of the first frame, seconds: the middle of the sound that it covers.
     pub first_s: f64,
 }
 
@@ -23,15 +23,15 @@ pub struct SpeechInput {
     pub encoder: String,
     /// Channels `C` of its features.
     pub channels: usize,
-    /// Motion frames a second to which HuBERT and wav2vec2 bring what their convolutions hear before the transformer;
-    /// without it the output of the transformer is brought there.
+    /// Motion frames per second to which HuBERT and wav2vec2 resample the features of their
+    /// convolutions, before the transformer. Without it, the output of the transformer is resampled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transformer_fps: Option<f64>,
 }
 
 /// Turns sound into features.
 pub trait SpeechEncoder: Send + Sync {
-    /// The name that a model's [`SpeechInput`] calls it by.
+    /// The encoder's name in a model's [`SpeechInput`].
     fn name(&self) -> &'static str;
 
     /// Number of channels `C` of the features.
@@ -44,7 +44,7 @@ pub trait SpeechEncoder: Send + Sync {
     fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack>;
 
     /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
-    /// `[T]`; `None` where the encoder was not trained to say so.
+    /// `[T]`; `None` if the encoder was not trained to predict it.
     fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
         let _ = features;
         None
@@ -54,7 +54,7 @@ pub trait SpeechEncoder: Send + Sync {
 /// Built-in weights of [`super::CompactEncoder`].
 pub static COMPACT_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_SPEECH);
 
-/// One frame for every started `1 / fps` seconds of a sound, at least one.
+/// The number of motion frames of a sound: one for every started `1 / fps` seconds, at least one.
 pub fn frames_of(duration_s: f64, fps: f64) -> usize {
     // A millionth of a frame is rounding, not sound.
     (duration_s * fps - 1e-6).ceil().max(1.0) as usize

@@ -8,7 +8,7 @@ use crate::{
     models::checkpoint::{check_epsilon, check_sizes},
 };
 
-/// Where the convolutions normalise.
+/// Where the convolutions are normalised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum FeatureNorm {
@@ -78,7 +78,7 @@ impl EncoderConfig {
     /// Reads and checks `config.json`.
     ///
     /// # Errors
-    /// `Weights` if it is not such a file or asks for what is not supported.
+    /// `Weights` if it is not such a file or needs something that is not supported.
     pub fn from_json(text: &str) -> Result<Self> {
         let config: EncoderConfig =
             serde_json::from_str(text).map_err(|e| Error::Weights(format!("config.json: {e}")))?;
@@ -139,7 +139,7 @@ impl EncoderConfig {
         each("conv_dim", &self.conv_dim, 16_384)?;
         each("conv_kernel", &self.conv_kernel, 1_000)?;
         each("conv_stride", &self.conv_stride, 1_000)?;
-        // More samples from one frame to the next than a second has say nothing of speech.
+        // A hop longer than a second is too coarse for speech.
         let hop = self
             .conv_stride
             .iter()
@@ -149,7 +149,7 @@ impl EncoderConfig {
     }
 }
 
-/// Whether the input is normalised.
+/// Reads whether the encoder expects normalised input.
 pub(super) fn read_preprocessor(text: &str) -> Result<bool> {
     let wrong =
         |complaint: String| Error::Weights(format!("preprocessor_config.json: {complaint}"));

@@ -1,4 +1,4 @@
-//! Everything that is heard in one sound.
+//! Everything that systems learn from one sound.
 
 use std::sync::{Arc, OnceLock};
 
@@ -15,10 +15,10 @@ use crate::{
     job::{Progress, ProgressFn},
 };
 
-/// Share of the time that the encoder takes.
+/// The encoder's share of the progress.
 const ENCODED: f32 = 0.7;
 
-/// A sound as systems hear it: speech features, how it was said, and how long it is.
+/// An analysed sound: speech features, how it was said, and how long it is.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -36,17 +36,17 @@ pub struct Heard {
     pub track: FeatureTrack,
     /// Loudness, pitch, effort, syllables and pauses.
     pub prosody: Prosody,
-    /// The voice as an encoder of emotions takes it.
+    /// Measurements of the voice for an encoder of emotions.
     pub voice: VoiceTrack,
-    /// What another's model of emotions hears in it, where the engine has one.
+    /// The emotion that a user's own model recognises, if the engine has one.
     pub emotion: Option<EmotionCurve>,
-    /// The ear for emotion, where the engine has it.
+    /// The ear for emotion, if the engine has it.
     pub ear: Option<Arc<EmotionEar>>,
-    /// How the speaker sounds to the ear while he feels nothing, where that is known.
+    /// How the speaker sounds to the ear without emotion, if that is known.
     pub neutral_voice: Option<NeutralVoice>,
-    /// What the ear hears, once somebody wants to know.
+    /// The emotion by the ear, computed when it is first needed.
     heard_emotion: OnceLock<HeardEmotion>,
-    /// What hears phones in the features, where the engine has it.
+    /// The model that recognises phones in the features, if the engine has it.
     pub phones: Option<Arc<PhoneModel>>,
     /// Length of the sound in seconds.
     pub duration_s: f64,
@@ -54,7 +54,7 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// Listens to a sound.
+    /// Analyses a sound.
     ///
     /// # Errors
     /// Those of [`SpeechEncoder::encode`]; `Cancelled`.
@@ -83,25 +83,25 @@ impl Heard {
         })
     }
 
-    /// How likely each emotion is over time, as the built-in ear hears it; none where the engine has no ear or another's
-    /// model hears emotions.
+    /// How likely each emotion is over time, by the ear. `None` if the engine has no ear or a user's
+    /// model recognises emotion instead.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
         let ear = self.ear.as_ref().filter(|_| self.emotion.is_none())?;
         let hear = || ear.heard(&self.voice, self.neutral_voice.as_ref());
         Some(self.heard_emotion.get_or_init(hear))
     }
 
-    /// Takes what another ear heard in the voice in place of what the built-in one would hear.
+    /// Sets the emotion that another ear heard in the voice, in place of the built-in ear's.
     pub(crate) fn hear_emotion(&mut self, emotion: HeardEmotion) {
         self.heard_emotion = OnceLock::from(emotion);
     }
 
-    /// What [`Heard::heard_emotion`] gave, where somebody asked for it.
+    /// The emotion of [`Heard::heard_emotion`], if it is known already.
     pub(crate) fn heard_before(&self) -> Option<&HeardEmotion> {
         self.heard_emotion.get()
     }
 
-    /// The emotion that is heard in the voice, by the model of the user or by the ear; neutral where the engine has
+    /// The emotion in the voice, by the user's model or by the ear; neutral if the engine has
     /// neither.
     pub fn emotion_curve(&self) -> EmotionCurve {
         match (&self.emotion, self.heard_emotion()) {
@@ -111,17 +111,17 @@ impl Heard {
         }
     }
 
-    /// The name of the encoder that heard it.
+    /// The name of the encoder of the features.
     pub fn encoder_name(&self) -> &'static str {
         self.encoder.name()
     }
 
-    /// Its features, the name of the encoder that heard it, and its length in seconds.
+    /// The features, the name of their encoder, and the length of the sound in seconds.
     pub fn sound(&self) -> (&FeatureTrack, &str, f64) {
         (&self.track, self.encoder_name(), self.duration_s)
     }
 
-    /// One frame for every started `1 / fps` seconds, at least one.
+    /// Number of motion frames: one for every started `1 / fps` seconds, at least one.
     pub fn frames(&self, fps: f64) -> usize {
         frames_of(self.duration_s, fps)
     }

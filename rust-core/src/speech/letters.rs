@@ -6,7 +6,7 @@
 const ANY: &str = "*";
 const VOWELS: &str = "aeiouy";
 
-/// Letters with another spelling in a to z.
+/// Letters that are spelt with other letters from a to z.
 const SPECIAL: [(char, &str); 11] = [
     ('ß', "ss"),
     ('ä', "e"),
@@ -20,7 +20,7 @@ const SPECIAL: [(char, &str); 11] = [
     ('þ', "th"),
     ('đ', "d"),
 ];
-/// Letters with marks, and the letter without.
+/// Letters with marks, and the same letter without its mark.
 const MARKED: [(&str, &str); 18] = [
     ("àáâãåāăąǎ", "a"),
     ("çćĉċč", "c"),
@@ -42,8 +42,8 @@ const MARKED: [(&str, &str); 18] = [
     ("źżž", "z"),
 ];
 
-/// A word in small letters a to z, with `*` for other letters and digits. Marks and everything else
-/// are removed.
+/// Spells a word in small letters a to z, with `*` for each other letter or digit. Everything else
+/// is removed.
 pub(super) fn romanised(word: &str) -> String {
     let mut out = String::new();
     for sign in word.chars().flat_map(char::to_lowercase) {
@@ -64,8 +64,9 @@ pub(super) fn romanised(word: &str) -> String {
 pub(super) struct Word {
     /// Indices into the units of the model.
     pub(super) units: Vec<usize>,
-    /// Whether it is a single consonant, read by its name, which has a vowel before or after: three
-    /// units, of which the first and the last stand for any sound.
+    /// Whether the word is a single consonant. Such a word is read by its name, which has a vowel
+    /// before or after the consonant. It has three units; the first and the last stand for any
+    /// sound.
     pub(super) is_name: bool,
 }
 
@@ -99,8 +100,8 @@ impl Word {
     }
 }
 
-/// Indices into `units` for a word; the longest group that fits comes first. A doubled consonant
-/// counts once.
+/// Splits a word into units and returns their indices in `units`. At each letter the longest unit
+/// that fits is taken. A doubled consonant counts once.
 fn units_of(word: &str, units: &[String]) -> Vec<usize> {
     let letters = romanised(word);
     let (mut out, mut rest): (Vec<usize>, &str) = (Vec::new(), &letters);

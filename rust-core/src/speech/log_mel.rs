@@ -13,7 +13,7 @@ use crate::audio::SAMPLE_RATE_HZ;
 pub const BANDS: usize = 64;
 /// Samples from one frame to the next: 100 frames a second.
 pub const HOP: usize = 160;
-/// Samples in a frame, half of them before its instant.
+/// Samples in a frame. Half of them lie before the frame's instant.
 pub const FRAME: usize = 400;
 const FFT: usize = 512;
 const LOW_HZ: f64 = 50.0;
@@ -46,7 +46,8 @@ pub(super) fn frames_of_samples(samples: usize) -> usize {
     1 + samples / HOP
 }
 
-/// The [`FRAME`] samples about frame number `frame`, zeros beyond both ends.
+/// Copies the [`FRAME`] samples around frame number `frame` into `stretch`, with zeros beyond the
+/// ends of the sound.
 pub(super) fn cut_frame(samples: &[f32], frame: usize, stretch: &mut [f32; FRAME]) {
     let start = (frame * HOP) as isize - (FRAME / 2) as isize;
     for (k, x) in stretch.iter_mut().enumerate() {
@@ -83,7 +84,8 @@ impl MelAnalyser {
         }
     }
 
-    /// The log-mel of the [`FRAME`] samples around one instant, into `row` of [`BANDS`] values.
+    /// Writes the log-mel of the [`FRAME`] samples around one instant into `row`, which has
+    /// [`BANDS`] values.
     pub fn frame(&mut self, samples: &[f32; FRAME], row: &mut [f32]) {
         self.framed.fill(0.0);
         for ((x, w), sample) in self.framed.iter_mut().zip(&self.window).zip(samples) {
@@ -112,7 +114,7 @@ fn hann() -> [f32; FRAME] {
     std::array::from_fn(|k| (0.5 - 0.5 * (TAU * k as f64 / FRAME as f64).cos()) as f32)
 }
 
-/// One triangle: its weights from its first non-zero bin on.
+/// A triangular filter: its non-zero weights, which begin at `first_bin`.
 struct Filter {
     first_bin: usize,
     weights: Vec<f32>,

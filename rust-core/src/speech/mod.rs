@@ -1,5 +1,5 @@
-//! Speech features: one trait and four encoders (compact, HuBERT, wav2vec2, Whisper). Phones and
-//! words by these features.
+//! Speech features: one trait and four encoders (compact, HuBERT, wav2vec2, Whisper). Also finds
+//! phones and words from these features.
 
 mod alignment;
 mod causal;
@@ -64,18 +64,19 @@ use crate::{
 /// The compact encoder with its built-in weights, or those of `folder`.
 ///
 /// # Errors
-/// Those of [`BuiltIn::open`] and [`CompactEncoder::load`].
+/// Those of `BuiltIn::open` and [`CompactEncoder::load`].
 pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
     let files = COMPACT_MODEL.open(folder)?;
     CompactEncoder::load(&files.weights, &files.config)
 }
 
-/// The encoder that `required` names. It comes from `checkpoint`, a Hugging Face folder, if there
-/// is one, else from the folder of that name in `models`, else from the library.
+/// Opens the encoder that `required` names, or the compact one. It is read from `checkpoint`, a
+/// Hugging Face folder, if that is given, otherwise from the folder of that name in `models`. The
+/// compact encoder is also built in.
 ///
 /// # Errors
-/// Those of [`compact`] and [`from_folder`]; `Weights` with both sides where the encoder is not the
-/// required one or gives another number of channels, or where there is none.
+/// Those of [`compact`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
+/// the required one or gives another number of channels, or if there is none.
 pub fn open(
     required: Option<&SpeechInput>,
     checkpoint: Option<&Path>,
@@ -102,12 +103,12 @@ pub fn open(
     }
 }
 
-/// The encoder for a model's emotion features: the checkpoint in the folder `emotion_hubert` or
-/// `emotion_wav2vec2` of `models`, as `required` names it.
+/// Opens the encoder for a model's emotion features: the checkpoint in the folder `emotion_hubert`
+/// or `emotion_wav2vec2` of `models`, depending on `required`.
 ///
 /// # Errors
-/// Those of [`from_folder`]; `Weights` where the folder is missing or its encoder is not the
-/// required one.
+/// Those of [`from_folder`]; `Weights` if the folder is missing or its encoder is not the required
+/// one.
 pub fn open_emotion(
     required: &SpeechInput,
     models: Option<&Path>,
@@ -151,7 +152,7 @@ impl SpeechInput {
     }
 }
 
-/// Names of the folders of checkpoints among models: encoders of speech, and of emotion
+/// Names of the checkpoint folders in a folder of models: speech encoders, then emotion encoders
 /// ([`open_emotion`]).
 pub const CHECKPOINTS: [&str; 5] = [
     "hubert",
@@ -161,15 +162,15 @@ pub const CHECKPOINTS: [&str; 5] = [
     "emotion_wav2vec2",
 ];
 
-/// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, as its `config.json` says. The
+/// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, whichever `config.json` names. The
 /// weights are in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
 ///
 /// `layer` chooses a hidden state: 0 is before the first layer, `None` is the output.
-/// `transformer_fps` is that of [`SpeechInput`].
+/// `transformer_fps` means the same as in [`SpeechInput`].
 ///
 /// # Errors
 /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the
-/// folder holds another model; `InvalidInput` for a layer that is not there.
+/// folder holds another model; `InvalidInput` for a layer that does not exist.
 pub fn from_folder(
     folder: &Path,
     layer: Option<usize>,

@@ -1,8 +1,8 @@
 //! Recognises phones over time, and finds the words of a text in the sound.
 //!
-//! Twin of `training/speech/phones.py`: a read-out of the compact encoder's features, four rows of
-//! posteriors to each of its frames. Row `r` stands at `(r − 2) / 100` seconds. It is loaded for
-//! phones or words, and by systems that use it for lip contacts.
+//! Twin of `training/speech/phones.py`. The model reads the compact encoder's features and gives
+//! four rows of posteriors for each of its frames. Row `r` belongs to second `(r − 2) / 100`. The
+//! model is loaded to find phones or words, and by systems that take lip contacts from it.
 
 use std::path::Path;
 
@@ -22,13 +22,13 @@ use crate::{
 
 /// Rows of posteriors for each frame of the encoder.
 const PARTS: usize = 4;
-/// By how many seconds the first row of a frame is before the encoder's frame.
+/// The first row of a frame lies this many seconds before the encoder's frame.
 pub(super) const EARLY_S: f64 = 0.02;
-/// Each posterior is divided by the class's share to this power.
+/// Each posterior is divided by the frequency of its class, raised to this power.
 const PRIOR_POWER: f32 = 0.8;
-/// Cost of a change from one phone to another, nepers.
+/// Cost of changing from one phone to another, nepers.
 const CHANGE_COST: f64 = 4.0;
-/// Weight of the text's phones against the sound's.
+/// Weight of the text's evidence for phones. The sound's evidence has weight 1.
 const TEXT_POWER: f32 = 1.0;
 
 /// Built-in weights of [`PhoneModel`].
@@ -39,7 +39,7 @@ pub static PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::PHONES);
 pub struct PhoneConfig {
     /// Name of the model.
     pub model: String,
-    /// Channels `C` of the features that it reads.
+    /// Channels `C` of the features that the model reads.
     pub channels: usize,
     /// Channels between its two layers.
     pub hidden: usize,
@@ -67,8 +67,9 @@ const LABIODENTALS: &[&str] = &["f", "v"];
 const VOWELS: &[&str] = &[
     "i", "ɪ", "y", "u", "ʊ", "e", "ɛ", "ø", "ə", "ɝ", "o", "ɔ", "ʌ", "a", "ɑ", "æ",
 ];
-/// How round the lips are in phones: how far forward facegood_zh's speaker has them in the mean of
-/// the frames of the phone, relative to u. The speaker says ʊ and ø too seldom; they count as o.
+/// How round the lips are in each phone, relative to u. Measured as how far forward the speaker of
+/// facegood_zh holds the lips, averaged over the frames of the phone. This speaker rarely says ʊ
+/// and ø, so they count as o.
 const ROUNDED: [(&[&str], f32); 5] = [
     (&["u"], 1.0),
     (&["w"], 0.9),
@@ -76,10 +77,10 @@ const ROUNDED: [(&[&str], f32); 5] = [
     (&["ʊ", "o", "ø"], 0.6),
     (&["ʃ", "ʒ", "ɹ"], 0.5),
 ];
-/// Probability of a nearby vowel below which f or v is surely no speech, and above which it surely
-/// is. Hiss has no vowels.
+/// An f or v counts only near a vowel, because hiss has no vowels. It does not count if the vowel's
+/// probability is below the first value, and counts fully above the second.
 const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];
-/// Frames to either side in which that vowel must be.
+/// The vowel must lie within this many frames of the f or v.
 const VOWEL_FRAMES: usize = 10;
 
 /// Probability of each contact of the lips in each frame, `[T]`, 0 to 1.
@@ -96,9 +97,9 @@ pub(super) struct ContactProbability {
 /// Phones and words of a sound.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Said {
-    /// In rising order, IPA; pauses are left out.
+    /// Phones in order of time, labelled in IPA. Pauses are left out.
     pub phones: Vec<Interval>,
-    /// Words of the text in its order; empty without one.
+    /// Words of the text in its order. Empty if there is no text.
     pub words: Vec<Interval>,
 }
 
@@ -150,7 +151,7 @@ impl PhoneModel {
         rows
     }
 
-    /// The contacts of the lips in each frame of features `[T, C]`: the mean over its rows.
+    /// The contacts of the lips in each frame of features `[T, C]`, averaged over the frame's rows.
     pub(super) fn contacts(&self, features: ArrayView2<'_, f32>) -> ContactProbability {
         let posteriors = self.log_posteriors(features);
         let vowels = self.probability(VOWELS, &posteriors);
@@ -196,7 +197,7 @@ impl PhoneModel {
         each.collect()
     }
 
-    /// Whether a sound's features come from the encoder of its training.
+    /// Whether a sound's features come from the encoder that this model was trained with.
     pub fn hears(&self, track: &FeatureTrack, encoder: &str) -> bool {
         self.check(track, encoder).is_ok()
     }
@@ -211,8 +212,8 @@ impl PhoneModel {
         track.rate_hz * PARTS as f64
     }
 
-    /// Phones of a sound (its features, the encoder's name, its length in seconds). With a text
-    /// also its words and the phones that fit them.
+    /// Finds the phones of a sound (its features, the encoder's name, its length in seconds). With
+    /// a text it also finds the words, and chooses phones that fit them.
     ///
     /// # Errors
     /// `Weights` if the features come from another encoder; `InvalidInput` for a text without a
@@ -252,7 +253,8 @@ impl PhoneModel {
         }
     }
 
-    /// Times of the words of a text. Adds to each row of `likelihood` `[T, K]` the text's evidence.
+    /// Finds the times of the words of a text. Adds the text's evidence to each row of `likelihood`
+    /// `[T, K]`.
     fn align(
         &self,
         likelihood: &mut Array2<f32>,
@@ -281,7 +283,8 @@ impl PhoneModel {
         }))
     }
 
-    /// Cost of each row in each unit and, in the last column, in a pause, `[T, U + 1]`, nepers.
+    /// Log-likelihood of each row for each unit and, in the last column, for a pause, `[T, U + 1]`,
+    /// nepers.
     fn emissions(&self, likelihood: &Array2<f32>) -> Array2<f32> {
         let units = self.table.nrows();
         let mut out = Array2::zeros((likelihood.nrows(), units + 1));
@@ -295,9 +298,9 @@ impl PhoneModel {
         out
     }
 
-    /// Adds to each row the evidence of its unit for each phone.
+    /// Adds to each row how likely its unit makes each phone.
     fn weigh(&self, likelihood: &mut Array2<f32>, path: &[usize], states: &[State]) {
-        // A phone that the text does not have here stays possible where the sound is clear.
+        // A phone that is not in the text here remains possible if the sound is clear.
         const LEAST: f32 = 1e-3;
         for (mut row, state) in likelihood.rows_mut().into_iter().zip(path) {
             let column = states[*state].column;
@@ -312,7 +315,7 @@ impl PhoneModel {
     }
 }
 
-/// The times of rows.
+/// Converts rows to times.
 #[derive(Clone, Copy)]
 struct Clock {
     rate_hz: f64,
@@ -327,7 +330,7 @@ impl Clock {
     }
 }
 
-/// Runs of equal rows as intervals. Those without a label are left out.
+/// Turns runs of equal rows into intervals. Runs without a label are left out.
 fn intervals<T: PartialEq>(
     rows: &[T],
     clock: Clock,
@@ -349,7 +352,7 @@ fn intervals<T: PartialEq>(
     out
 }
 
-/// The class of each row `[T]` on the best path. Every change of class costs the same.
+/// Finds the best path: the class of each row, `[T]`. Every change of class costs the same.
 fn decode(likelihood: ArrayView2<'_, f32>) -> Vec<usize> {
     let classes = likelihood.ncols();
     let mut scores = vec![0.0f64; classes];
@@ -385,7 +388,7 @@ fn log_sum_exp(values: impl Iterator<Item = f32> + Clone) -> f32 {
     top + values.map(|x| (x - top).exp()).sum::<f32>().ln()
 }
 
-/// A word without the signs around it.
+/// A word without the punctuation around it.
 fn trimmed(word: &str) -> &str {
     word.trim_matches(|sign: char| !sign.is_alphanumeric())
 }

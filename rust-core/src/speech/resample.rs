@@ -4,10 +4,11 @@ use ndarray::Array2;
 
 use super::FeatureTrack;
 
-/// Features at times `t / fps`: linear between neighbours, held beyond the ends.
+/// Samples the features at times `t / fps`, linearly between neighbours. Beyond the ends the first
+/// and the last feature are held.
 ///
-/// Returns `[frames, C]`. Feature `i` of the track stands at `first_s + i / rate_hz` seconds, as in
-/// training (`training/speech/hubert.py`); the paper, too, resamples after the encoder.
+/// Returns `[frames, C]`. Feature `i` of the track belongs to second `first_s + i / rate_hz`, as in
+/// training (`training/speech/hubert.py`). The paper also resamples after the encoder.
 pub fn at_motion_frames(track: &FeatureTrack, frames: usize, fps: f64) -> Array2<f32> {
     let (count, channels) = track.features.dim();
     let mut out = Array2::zeros((frames, channels));

@@ -2,23 +2,24 @@
 
 use crate::conditions::{EMOTIONS, Emotion};
 
-/// Probability of any emotion from which it shows, and from which it shows fully.
+/// Total probability of all emotions except neutral above which an emotion shows.
 const FLOOR: f64 = 0.7;
+/// Total probability from which it shows fully.
 const FULL: f64 = 0.95;
 
 /// Turns probabilities of [`EMOTIONS`], of which the first is neutral, into an expression.
 ///
-/// Nothing shows where neutral is as likely as in readings of strangers. From there on the
-/// intensity rises smoothly to 1. The mixture is the squares of the other probabilities, so that a
-/// doubt between two emotions seldom shows both. The rule is ours.
+/// Nothing shows where neutral is as likely as when unknown speakers simply read aloud. As neutral
+/// becomes less likely, the intensity rises smoothly to 1. The mixture follows the squares of the
+/// other probabilities, so that a doubt between two emotions seldom shows both. The rule is ours.
 pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     let total: f64 = shares[1..].iter().sum();
     let above = ((total - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
     strongest_of(shares, above * above * (3.0 - 2.0 * above))
 }
 
-/// The same for a recording that somebody chose for its emotion: the intensity is how unlikely
-/// neutral is.
+/// Like `shown`, for a recording that the user chose for its emotion. The intensity is the total
+/// probability of all emotions except neutral.
 pub(super) fn shown_on_purpose(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     strongest_of(shares, shares[1..].iter().sum())
 }

@@ -4,22 +4,24 @@ use ndarray::{Array2, ArrayView2, Axis};
 
 use super::{Heard, PhoneModel, phones::EARLY_S};
 
-/// The parts of the tongue's motion in a frame: the tip rises to the ridge behind the upper teeth,
-/// the middle and the back rise to the palate, and the tip goes to the edge of the upper teeth.
+/// Number of the tongue's movements in a frame: the tip rises to the ridge behind the upper teeth,
+/// the middle rises to the palate, the back rises to the palate, and the tip goes to the edge of
+/// the upper teeth.
 pub const TONGUE_PLACES: usize = 4;
 
-/// Shares of the way from rest to the roof of the mouth, from closed to mid. That tongue tip and tongue body each have a
-/// place and a degree of constriction is the notion of tract variables (Browman & Goldstein, "Articulatory gestures as
-/// phonological units", Phonology 6, 1989). The sizes are ours: for a way of 12 mm a critical constriction leaves 1 mm,
-/// a narrow one 4 mm and a mid one 7 mm.
+/// How far the tongue moves from rest to the roof of the mouth, as shares of the way, from closed
+/// to mid. A place and a degree of constriction for the tongue tip and for the tongue body are
+/// tract variables (Browman & Goldstein, "Articulatory gestures as phonological units", Phonology
+/// 6, 1989). The values are ours: over a way of 12 mm, a critical constriction leaves about 1 mm, a
+/// narrow one 4 mm and a mid one 7 mm.
 const CLOSED: f32 = 1.0;
 const CRITICAL: f32 = 0.9;
 const NARROW: f32 = 0.7;
 const MID: f32 = 0.4;
 
-/// Tip, middle, back, and tip at the teeth for phones that need the tongue, by the usual names of
-/// their places: alveolar t d n l s z, dental θ ð, palatal j i, velar k ɡ ŋ u w. The degrees are
-/// ours. For all other phones it rests.
+/// Targets of the phones that need the tongue: tip, middle, back, and tip at the teeth. They follow
+/// the usual places of articulation: alveolar t d n l s z, dental θ ð, palatal j i,
+/// velar k ɡ ŋ u w. The degrees are ours. For all other phones the tongue rests.
 const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
     (&["t", "d", "n", "l", "r"], [CLOSED, 0.0, 0.0, 0.0]),
     (&["s", "z"], [CRITICAL, MID, 0.0, 0.0]),
@@ -34,18 +36,19 @@ const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
     (&["ʊ", "o"], [0.0, 0.0, MID, 0.0]),
 ];
 
-/// Seconds in which the tongue reaches a target and leaves it. It moves at most at π / 2 of the way
-/// in this time: 0.29 m/s for a way of 15 mm.
+/// Seconds that the tongue takes to reach a target, and again to leave it. Its top speed is π / 2
+/// times its mean speed: 0.29 m/s for a way of 15 mm.
 const TRAVEL_S: f64 = 0.08;
-/// Rows of posteriors to either side that are averaged: 30 ms together.
+/// Rows of posteriors on either side of a row that are averaged with it: 30 ms in all.
 const NEAR_ROWS: usize = 1;
 
 impl Heard {
     /// The tongue's motion for the phones of the sound, `[T, 4]`, each a share of the way from rest
     /// to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to the palate,
-    /// tip to the edge of the upper teeth. Zero where no phones know the encoder's features.
+    /// tip to the edge of the upper teeth. All zeros if there is no phone model for the encoder's
+    /// features.
     ///
-    /// The tongue reaches the target of a phone where it is most likely.
+    /// The tongue reaches the target of a phone at the instant at which the phone is most likely.
     pub fn tongue(&self, fps: f64) -> Array2<f32> {
         let frames = self.frames(fps);
         let phones = self.phones.as_ref();
@@ -61,8 +64,8 @@ impl Heard {
     }
 }
 
-/// Targets `[R, 4]` from log-posteriors `[R, K]`: the mean over all phones, smoothed over
-/// neighbouring rows.
+/// Targets `[R, 4]` from log-posteriors `[R, K]`: the mean over all phones, weighted by their
+/// probabilities and smoothed over neighbouring rows.
 fn targets(posteriors: ArrayView2<'_, f32>, phones: &PhoneModel) -> Array2<f32> {
     let table = table(phones.classes());
     let sharp = posteriors.mapv(f32::exp).dot(&table);
@@ -89,8 +92,9 @@ fn table(classes: &[String]) -> Array2<f32> {
     table
 }
 
-/// The motion of a tongue through `targets` `[R, 4]`, `[frames, 4]`. It reaches each target in time
-/// and leaves it as slowly. Of several near targets the farthest decides.
+/// Moves the tongue through `targets` `[R, 4]` and returns its motion, `[frames, 4]`. The tongue
+/// starts early enough to reach each target in time, and leaves it just as slowly. Where several
+/// targets are near, the one that moves the tongue farthest counts.
 fn travel(targets: ArrayView2<'_, f32>, rate_hz: f64, frames: usize, fps: f64) -> Array2<f32> {
     let mut out = Array2::zeros((frames, TONGUE_PLACES));
     for (t, mut now) in out.outer_iter_mut().enumerate() {

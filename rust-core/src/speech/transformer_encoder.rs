@@ -1,8 +1,8 @@
-//! What HuBERT and wav2vec2 have in common: a transformer over convolutional features.
+//! The encoder that HuBERT and wav2vec2 share: a transformer over convolutional features.
 //!
-//! Reads a Hugging Face folder: `config.json`, the weights under the checkpoint's own names and,
-//! where it is there, `preprocessor_config.json`. The two networks compute the same function;
-//! they differ in training and in a few names.
+//! Reads a Hugging Face folder: `config.json`, the weights under the checkpoint's own names and, if
+//! present, `preprocessor_config.json`. The two networks compute the same function; they differ in
+//! training and in a few names.
 
 use std::{ops::Range, path::Path};
 
@@ -30,7 +30,7 @@ use crate::{
     },
 };
 
-/// Frames that are encoded at once: attention costs their square.
+/// Frames that are encoded at once. The cost of attention grows with their square.
 const SPAN: usize = 1500;
 /// Frames of context on either side of a span.
 const CONTEXT: usize = 100;
@@ -39,9 +39,9 @@ const CONTEXT: usize = 100;
 pub(super) struct TransformerEncoder {
     config: EncoderConfig,
     normalise: bool,
-    /// What [`TransformerEncoder::encode`] returns.
+    /// Chooses what [`TransformerEncoder::encode`] returns.
     chosen: Chosen,
-    /// Frames a second that the transformer works on; `None` for those of the convolutions.
+    /// Frames a second in the transformer; `None` for the rate of the convolutions.
     transformer_fps: Option<f64>,
     features: ConvFeatures,
     projection_norm: Option<LayerNorm>,
@@ -53,15 +53,15 @@ pub(super) struct TransformerEncoder {
 
 /// A hidden state, or several.
 enum Chosen {
-    /// The last, normalised in the stable variant.
+    /// The last state, normalised in the stable variant.
     Output,
-    /// That of this number; 0 stands before the first layer.
+    /// The state of this number; 0 is before the first layer.
     Layer(usize),
-    /// The sum of all, the output as the last, with these shares.
+    /// The sum of all states, each times its share. The output takes the place of the last state.
     Mixed(Vec<f32>),
 }
 
-/// Every hidden state `[T, C]` (the first before the first layer) and the output.
+/// Every hidden state `[T, C]`, beginning with the one before the first layer, and the output.
 pub struct HiddenStates {
     /// `num_hidden_layers + 1` states.
     pub hidden: Vec<Array2<f32>>,
@@ -75,7 +75,7 @@ impl TransformerEncoder {
         Self::load_with(folder, model_type, layer, &checkpoint::read(folder)?)
     }
 
-    /// The same, where the weights of the folder have been read.
+    /// Like `load_folder`, with weights of the folder that have already been read.
     pub fn load_with(
         folder: &Path,
         model_type: &str,
@@ -111,7 +111,7 @@ impl TransformerEncoder {
                 config.num_hidden_layers
             )));
         }
-        // Checkpoints of models with a head hold the encoder one level down.
+        // In checkpoints of models with a head, the encoder lies one level down.
         let weights = match weights.contains("feature_projection.projection.weight") {
             true => weights.clone(),
             false => weights.pp(&config.model_type),
@@ -143,8 +143,9 @@ impl TransformerEncoder {
         })
     }
 
-    /// Encodes to the mean of all hidden states under the softmax of `layer_weights`. The last of them is the output,
-    /// normalised in the stable variant, as in Hugging Face's transformers 4, with which such models were trained.
+    /// Encodes to the mean of all hidden states, weighted by the softmax of `layer_weights`. The
+    /// last of them is the output, normalised in the stable variant, as in Hugging Face's
+    /// transformers 4, with which such models were trained.
     ///
     /// # Errors
     /// `Weights` if that array is missing or has another length.
@@ -155,11 +156,12 @@ impl TransformerEncoder {
         Ok(self)
     }
 
-    /// Brings what the convolutions hear to so many frames a second before projection and transformer, linear between
-    /// neighbours, as FaceFormer does (Fan et al. 2022, section 3.2) and others after it; what is encoded has that rate.
+    /// Resamples the features of the convolutions to `fps` frames a second, linearly between
+    /// neighbours, before projection and transformer, as FaceFormer (Fan et al. 2022, section 3.2)
+    /// and later systems do. The encoded features have this rate.
     ///
-    /// Differs: frame `t` is what is heard at `t / fps` seconds, where the authors stretch all that was heard over all
-    /// frames, which by the end of a clip is off by half a frame or so.
+    /// Differs: frame `t` is sampled at `t / fps` seconds. The authors stretch all features over
+    /// all frames, which by the end of a clip is off by about half a frame.
     pub fn resampled(mut self, fps: Option<f64>) -> Self {
         self.transformer_fps = fps;
         self
@@ -170,11 +172,11 @@ impl TransformerEncoder {
         self.config.hidden_size
     }
 
-    /// The chosen hidden state at the rate that the transformer works on.
+    /// The chosen hidden state at the rate of the transformer.
     ///
-    /// Long sounds are encoded in spans of 30 s with 2 s of context on either side, so that cost
-    /// grows with their length and not with its square. Where the first convolution normalises over
-    /// time, it does so over the span.
+    /// Long sounds are encoded in spans of 1500 frames with 100 frames of context on either side
+    /// (at 50 Hz 30 s and 2 s), so that the cost grows with their length and not with its square.
+    /// If the first convolution normalises over time, it does so over each span with its context.
     pub fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
         let samples = match self.normalise {
             true => unit_variance(&waveform.samples),
@@ -213,22 +215,22 @@ impl TransformerEncoder {
         })
     }
 
-    /// Frames that the convolutions hear in so many samples.
+    /// Number of frames that the convolutions give for this many samples.
     fn heard_frames(&self, samples: usize) -> usize {
         (samples - self.features.receptive_field()) / self.features.hop() + 1
     }
 
-    /// Frames a second that the convolutions hear, and the second at which the first stands.
+    /// Frames a second of the convolutions, and the time of their first frame in seconds.
     fn heard_instants(&self) -> (f64, f64) {
         let (hop, field) = (self.features.hop(), self.features.receptive_field());
         let rate_hz = f64::from(SAMPLE_RATE_HZ) / hop as f64;
         (rate_hz, 0.5 * field as f64 / f64::from(SAMPLE_RATE_HZ))
     }
 
-    /// What the convolutions hear in some of their frames, `[t, conv_dim.last()]`.
+    /// Features of the convolutions in a range of their frames, `[t, conv_dim.last()]`.
     fn convolved(&self, samples: &[f32], frames: Range<usize>) -> Array2<f32> {
         let (hop, field) = (self.features.hop(), self.features.receptive_field());
-        // The first convolution's norm sees the samples after the last whole frame too.
+        // The norm of the first convolution also sees the samples after the last whole frame.
         let until = match frames.end == self.heard_frames(samples.len()) {
             true => samples.len(),
             false => (frames.end - 1) * hop + field,
@@ -236,7 +238,7 @@ impl TransformerEncoder {
         self.features.forward(&samples[frames.start * hop..until])
     }
 
-    /// The same at some frames of another rate; `is_last` says whether the sound ends with them.
+    /// Like `convolved`, for frames at the rate `fps`. `is_last`: the sound ends with them.
     fn convolved_at(
         &self,
         samples: &[f32],
@@ -292,7 +294,8 @@ impl TransformerEncoder {
         }
     }
 
-    /// Every hidden state of a sound that is already normalised, in one piece, at the convolutions' rate.
+    /// Every hidden state of a sound that is already normalised. The sound is encoded in one piece,
+    /// at the rate of the convolutions.
     pub fn hidden_states(&self, samples: &[f32]) -> Result<HiddenStates> {
         self.check_length(samples)?;
         let mut hidden = Vec::new();
@@ -303,7 +306,8 @@ impl TransformerEncoder {
         Ok(HiddenStates { hidden, output })
     }
 
-    /// Runs `layers` layers on what the convolutions hear, shows every hidden state and returns the output.
+    /// Runs the first `layers` layers on features of the convolutions. Calls `show` with every
+    /// hidden state and returns the output.
     fn run(
         &self,
         mut x: Array2<f32>,
@@ -334,7 +338,7 @@ impl TransformerEncoder {
     }
 }
 
-/// A transformer encoder layer, post-norm, or pre-norm in the stable variant.
+/// A transformer encoder layer: post-norm, but pre-norm in the stable variant.
 struct EncoderLayer {
     stable: bool,
     attention: SelfAttention,
@@ -380,7 +384,7 @@ impl EncoderLayer {
     }
 }
 
-/// Relative positions as a grouped convolution over time with GELU.
+/// Encodes relative positions by a grouped convolution over time with GELU.
 struct PositionalConv {
     groups: Vec<Conv1d>,
 }
@@ -402,7 +406,8 @@ impl PositionalConv {
         Ok(PositionalConv { groups })
     }
 
-    /// `x`: `[T, C]`. Returns `[T, C]`; zeros beyond the ends, one frame dropped for even taps.
+    /// `x`: `[T, C]`, zero beyond its ends. Returns `[T, C]`. If the number of taps is even, the
+    /// last frame of the convolution is dropped.
     fn forward(&self, x: &ArrayRef2<f32>) -> Array2<f32> {
         let (frames, width) = (x.nrows(), self.groups[0].outputs());
         let columns = |index: usize| Slice::from(index * width..(index + 1) * width);
@@ -423,7 +428,7 @@ impl PositionalConv {
     }
 }
 
-/// `g v / ‖v‖` with the norm over everything but the taps, Salimans & Kingma 2016.
+/// `g v / ‖v‖` with one norm per tap, over all other dimensions (Salimans & Kingma 2016).
 ///
 /// Reads the names of PyTorch 2 (`parametrizations.weight.original0/1`), of PyTorch 1
 /// (`weight_g/v`), or a plain `weight`.
@@ -457,7 +462,7 @@ fn weight_normalised(weights: &Weights, shape: [usize; 3]) -> Result<Vec<f32>> {
     Ok(weight)
 }
 
-/// `(x − mean) / √(variance + 1e-7)`, as Hugging Face's feature extractor.
+/// `(x − mean) / √(variance + 1e-7)`, as in Hugging Face's feature extractor.
 fn unit_variance(samples: &[f32]) -> Vec<f32> {
     let samples = Array1::from_iter(samples.iter().map(|x| f64::from(*x)));
     let mean = samples.mean().unwrap_or(0.0);

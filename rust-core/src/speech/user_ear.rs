@@ -1,4 +1,4 @@
-//! A model of the user's own that hears emotions in place of the built-in ear.
+//! A model from the user that recognises emotions in place of the built-in ear.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::{
     job::{InputKind, read_text},
 };
 
-/// What a Hugging Face folder may hold to hear emotions by.
+/// The kinds of model in a Hugging Face folder that can recognise emotions.
 pub enum UserEar {
     /// A classifier of emotions.
     Classifier(EmotionModel),
@@ -18,18 +18,18 @@ pub enum UserEar {
     Whisper(WhisperEar),
 }
 
-/// The part of `config.json` that says which.
+/// The part of `config.json` that names the kind of model.
 #[derive(Deserialize)]
 struct Config {
     model_type: String,
 }
 
 impl UserEar {
-    /// Reads a folder; `models` is the one whose models stand in for built-in ones.
+    /// Reads the model in `folder`. `models`: a folder of models that replace built-in ones.
     ///
     /// # Errors
-    /// Those of [`WhisperEar::open`] where `config.json` names Whisper, else those of [`EmotionModel::load_folder`];
-    /// `Weights` for a model of another kind.
+    /// Those of [`WhisperEar::open`] if `config.json` names Whisper, otherwise those of
+    /// [`EmotionModel::load_folder`]; `Weights` for a model of another kind.
     pub fn open(folder: &Path, models: Option<&Path>) -> Result<Self> {
         let path = folder.join("config.json");
         let text = read_text(&path, InputKind::Text)?;

@@ -1,8 +1,9 @@
-//! How far somebody speaks, while it is heard: music, keys, breath and fans leave a face at rest.
+//! Tells live whether somebody speaks, so that music, keys, breath and fans leave the face at rest.
 //!
-//! A small network (the crate `earshot`) hears a voice in every 16 ms. It takes music for one, whose partials stand
-//! still where those of a voice glide: that is what [`Tones`] measures. Both decide ahead of the face, whose frames wait
-//! for the sound after them, so that the gate is open when a word begins.
+//! A small network (the crate `earshot`) looks for a voice in every 16 ms of sound. It mistakes
+//! music for a voice. The partials of music keep their pitch, whereas those of a voice glide, and
+//! [`Tones`] measures this difference. Each frame of the face waits for the sound after it. The
+//! gate has heard this sound too, so it is already open when a word begins.
 
 #[cfg(test)]
 mod tests;
@@ -15,28 +16,30 @@ use earshot::Detector;
 use crate::audio::SAMPLE_RATE_HZ;
 use tones::{Tones, WINDOW};
 
-/// A window scored so high has a voice in it, and one that goes on.
+/// Scores above which a window contains a voice: while the gate is shut, and while it is open.
 const VOICE: f32 = 0.65;
 const VOICE_GOES_ON: f32 = 0.3;
-/// So many windows of voice in a row open the gate.
+/// This many windows of voice in a row open the gate.
 const WINDOWS_TO_OPEN: usize = 2;
-/// Steadiness below which the gate opens, below which a voice goes on, and above which it shuts at once.
+/// Steadiness below which a window may open the gate, below which a voice may go on, and above
+/// which the gate shuts at once.
 const GLIDING: f32 = 0.5;
 const STILL_GLIDING: f32 = 0.65;
 const STEADY: f32 = 0.7;
-/// The gate stays open for so many windows without a voice, 0.45 s: pauses between words.
+/// The gate stays open for this many windows without a voice, 0.45 s, to span pauses between words.
 const PAUSE: usize = 28;
-/// How long the face takes to wake and to come to rest, seconds.
+/// Seconds that the face takes to wake, and to come to rest.
 const WAKE_S: f64 = 0.08;
 const REST_S: f64 = 0.3;
 
-/// Hears whether somebody speaks. What it says of a frame is the same bit for bit however the sound was cut.
+/// Hears whether somebody speaks. However the sound is cut into pieces, each frame gets the same
+/// result bit for bit.
 pub struct VoiceGate {
     detector: Box<Detector>,
     tones: Tones,
     samples: VecDeque<f32>,
     window: [f32; WINDOW],
-    /// Samples that were heard.
+    /// Number of samples heard so far.
     heard: usize,
     is_open: bool,
     /// Windows of voice in a row.
@@ -51,7 +54,7 @@ pub struct VoiceGate {
 }
 
 impl VoiceGate {
-    /// Closed. `ahead`: samples after a frame's instant that it waits for.
+    /// Makes a closed gate. `ahead`: how many samples after a frame's instant it waits for.
     pub fn new(fps: f64, ahead: usize) -> VoiceGate {
         VoiceGate {
             detector: Detector::default_boxed(),
@@ -77,7 +80,8 @@ impl VoiceGate {
         }
     }
 
-    /// Waits for so many samples after a frame's instant from the first frame on.
+    /// Sets how many samples after a frame's instant the gate waits for. Call it before the first
+    /// frame.
     pub fn wait_for(&mut self, ahead: usize) {
         self.ahead = ahead;
     }
@@ -89,7 +93,8 @@ impl VoiceGate {
         (self.share, self.closed_s) = (1.0, 0.0);
     }
 
-    /// How far the face speaks in frame number `index`, 0 to 1. Frames come in order; zeros follow the last sample.
+    /// Strength of the face's speech in frame number `index`, 0 to 1. Frames must come in order.
+    /// Zeros stand in for samples after the last one.
     pub fn share(&mut self, index: usize) -> f32 {
         if self.hears_all {
             return 1.0;
@@ -112,12 +117,13 @@ impl VoiceGate {
         self.share * self.share * (3.0 - 2.0 * self.share)
     }
 
-    /// How long nobody has spoken at the last frame, seconds; infinite before anybody did.
+    /// Seconds for which the face had been at rest at the latest frame. Infinite before anybody has
+    /// spoken.
     pub fn closed_s(&self) -> f64 {
         self.closed_s
     }
 
-    /// Hears one window more.
+    /// Hears the next window.
     fn hear(&mut self) {
         for to in &mut self.window {
             *to = self.samples.pop_front().unwrap_or(0.0).clamp(-1.0, 1.0);

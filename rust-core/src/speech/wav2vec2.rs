@@ -5,27 +5,27 @@ use std::path::Path;
 use super::{FeatureTrack, HiddenStates, SpeechEncoder, transformer_encoder::TransformerEncoder};
 use crate::{Result, audio::Waveform, job::ProgressFn};
 
-/// A wav2vec 2.0 encoder; base (post-norm) and the "stable layer norm" variant (pre-norm).
+/// A wav2vec 2.0 encoder, base (post-norm) or the "stable layer norm" variant (pre-norm).
 pub struct Wav2Vec2 {
     encoder: TransformerEncoder,
 }
 
 impl Wav2Vec2 {
-    /// Reads `config.json`, the weights as [`super::from_folder`] does and, where it is there,
+    /// Reads `config.json`, the weights (as [`super::from_folder`] does) and, if present,
     /// `preprocessor_config.json`.
     ///
-    /// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output.
+    /// `layer` chooses a hidden state: 0 is before the first layer, `None` is the output.
     ///
     /// # Errors
     /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or
-    /// the folder holds another model; `InvalidInput` for a layer that is not there.
+    /// the folder holds another model; `InvalidInput` for a layer that does not exist.
     pub fn load_folder(folder: &Path, layer: Option<usize>) -> Result<Self> {
         let encoder = TransformerEncoder::load_folder(folder, "wav2vec2", layer)?;
         Ok(Wav2Vec2 { encoder })
     }
 
-    /// The same with what the convolutions hear brought to so many frames a second before the transformer; `None`
-    /// leaves it at their own rate.
+    /// Resamples the features of the convolutions to `fps` frames a second before the
+    /// transformer. `None` keeps their own rate.
     #[must_use]
     pub fn resampled(self, fps: Option<f64>) -> Self {
         Wav2Vec2 {
@@ -33,7 +33,8 @@ impl Wav2Vec2 {
         }
     }
 
-    /// Every hidden state of `samples`, `[S]` at 16 kHz, taken as they are and in one piece.
+    /// Every hidden state of `samples`, `[S]` at 16 kHz, encoded in one piece and without
+    /// normalisation.
     ///
     /// # Errors
     /// `Audio` for less than one frame (400 samples).

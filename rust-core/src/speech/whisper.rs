@@ -1,8 +1,7 @@
 //! Whisper's encoder (Radford et al. 2022) from a user's Hugging Face folder.
 //!
-//! Twin of `training/speech/whisper.py`. Sounds are not padded to 30 s, as in Whisper's own
-//! programs. So the features do not depend on silence after the sound, and a short sound costs
-//! little.
+//! Twin of `training/speech/whisper.py`. Unlike Whisper's own programs, it does not pad sounds to
+//! 30 s. So the features do not depend on silence after the sound, and a short sound costs little.
 
 use std::path::Path;
 
@@ -36,9 +35,9 @@ const CONTEXT: usize = 75;
 /// Frames of log-mel per feature.
 const STRIDE: usize = 2;
 const EPSILON: f32 = 1e-5;
-/// Largest difference of biases of one checkpoint when one of them is in f16.
+/// Copies of one checkpoint's bias differ by less than this, even if one of them is in f16.
 const BIAS_TOLERANCE: f32 = 1e-3;
-/// Least number of samples, for the first feature.
+/// The first feature needs at least this many samples.
 const LEAST_SAMPLES: usize = 400;
 
 /// The part of a Hugging Face `config.json` that the encoder needs.
@@ -89,7 +88,7 @@ impl Config {
     }
 }
 
-/// Two convolutions, places and transformer layers.
+/// Two convolutions, position embeddings and transformer layers.
 pub struct Whisper {
     first: Conv1d,
     second: Conv1d,
@@ -97,7 +96,7 @@ pub struct Whisper {
     places: Array2<f32>,
     layers: Vec<Layer>,
     norm: LayerNorm,
-    /// Number of layers that run. The norm follows the last layer of the whole model.
+    /// Number of layers that run. The norm only follows the last layer of the whole model.
     depth: usize,
 }
 
@@ -110,13 +109,14 @@ impl Whisper {
     ///
     /// # Errors
     /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the folder holds
-    /// another model; `InvalidInput` for a layer that is not there.
+    /// another model; `InvalidInput` for a layer that does not exist.
     pub fn load_folder(folder: &Path, layer: Option<usize>) -> Result<Self> {
         let text = read_text(&folder.join("config.json"), InputKind::Text)?;
         Self::load(&text, &checkpoint::read(folder)?, layer)
     }
 
-    /// The same from the text of `config.json` and the weights under the checkpoint's own names.
+    /// Like [`Whisper::load_folder`], from the text of `config.json` and the weights under the
+    /// checkpoint's own names.
     ///
     /// # Errors
     /// Those of [`Whisper::load_folder`].
@@ -130,7 +130,7 @@ impl Whisper {
                 config.encoder_layers
             )));
         }
-        // Models that also write text have their encoder one level down.
+        // In models that also write text, the encoder lies one level down.
         let weights = match weights.contains("encoder.conv1.weight") {
             true => weights.pp("encoder"),
             false => weights.pp("model.encoder"),
@@ -152,7 +152,7 @@ impl Whisper {
         })
     }
 
-    /// Number of its layers.
+    /// Number of layers of the model.
     pub(super) fn layers(&self) -> usize {
         self.layers.len()
     }
@@ -166,10 +166,10 @@ impl Whisper {
                 .all(|apart| apart.abs() < BIAS_TOLERANCE)
     }
 
-    /// The outputs of `layers`, in their order, for log-mel `[T, 80]` at 100 Hz, in one piece: `[⌈T
-    /// / 2⌉, C]` each.
+    /// The outputs of `layers`, in their order, for log-mel `[T, 80]` at 100 Hz. Runs in one piece.
+    /// Each output is `[⌈T / 2⌉, C]`.
     ///
-    /// Layers above the highest are not computed. `layers` must ascend and exist.
+    /// `layers` must exist and ascend. Layers above the highest of them are not computed.
     fn run(&self, mel: &ArrayRef2<f32>, layers: &[usize]) -> Vec<Array2<f32>> {
         let x = self.first.forward_then(mel, gelu_all);
         let mut x = self.second.forward_then(&x, gelu_all);
@@ -326,8 +326,7 @@ mod tests {
             .unwrap()
             .features;
         assert_eq!(parts.dim(), whole.dim());
-        // The attention of random weights is broad, so that sound beyond the context counts a
-        // little.
+        // With random weights attention is broad, so sound beyond the context counts a little.
         let mean = (&parts - &whole).mapv(f32::abs).mean().unwrap();
         assert!(mean < 0.2, "{mean}");
     }

@@ -13,16 +13,18 @@ pub(super) const BANDS: usize = 80;
 const HIGH_HZ: f64 = 8000.0;
 /// Smallest power that enters the logarithm.
 const FLOOR: f32 = 1e-10;
-/// Decades of power that count, under the loudest band of the sound.
+/// Power more than this many decades below the loudest band of the sound is raised to that level.
 const RANGE: f32 = 8.0;
-/// Slaney's scale is linear up to this frequency and logarithmic above, hertz.
+/// Slaney's scale is linear up to this frequency, hertz, and logarithmic above it.
 const KNEE_HZ: f64 = 1000.0;
 const KNEE_MEL: f64 = 15.0;
 
-/// Decades of band power, about −1 to 1, at 100 frames a second; frame `i` is centred on sample `160 i`.
+/// Decades of band power, scaled to about −1 to 1, at 100 frames a second. Frame `i` is centred on
+/// sample `160 i`.
 ///
-/// Periodic Hann window of 400 samples, the sound mirrored beyond both ends; `|X|²`; triangles of equal area, evenly
-/// spaced on Slaney's scale from 0 to 8 kHz. `samples`: `[S]` at 16 kHz, more than 200. Returns `[S / 160, 80]`.
+/// Periodic Hann window of 400 samples, the sound mirrored beyond both ends; `|X|²`; triangles of
+/// equal area, evenly spaced on Slaney's scale from 0 to 8 kHz. `samples`: `[S]` at 16 kHz, more
+/// than 200. Returns `[S / 160, 80]`.
 pub(super) fn whisper_mel(samples: &[f32]) -> Array2<f32> {
     let transform = RealFftPlanner::<f32>::new().plan_fft_forward(FRAME);
     let window: [f32; FRAME] =
@@ -48,8 +50,8 @@ pub(super) fn whisper_mel(samples: &[f32]) -> Array2<f32> {
     mel.mapv_into(|x| (x.max(loudest - RANGE) + 4.0) / 4.0)
 }
 
-/// The sample at a place that may lie beyond either end. There the sound is mirrored without
-/// repeating its last sample.
+/// The sample at `place`, which may lie beyond either end. There the sound is mirrored without
+/// repeating its first or last sample.
 fn mirrored(samples: &[f32], place: isize) -> f32 {
     let last = samples.len() as isize - 1;
     let inside = match place > last {

@@ -1,9 +1,10 @@
-//! How motion of each kind reaches a mesh.
+//! Moves a mesh by each kind of motion.
 //!
-//! Landmarks move it through a [`Deformer`], weights through the shapes of its own [`Rig`], codes through landmarks
-//! and a [`CodeField`] beside them, which their [`crate::deform::CodeSpace`] brings along. A [`Spread`] makes any
-//! stretch of frames; [`Spread::into_sink`] hands them over block by block, so that a long take on a large mesh never
-//! lies in memory whole.
+//! Landmarks move it through a [`Deformer`]. Weights move it through the shapes of its own [`Rig`].
+//! Codes move it through their landmarks and a [`CodeField`], which comes from their
+//! [`crate::deform::CodeSpace`]. A [`Spread`] computes any range of frames. [`Spread::into_sink`]
+//! hands them over block by block, so that a long take on a large mesh is never in memory as a
+//! whole.
 
 mod on_face;
 mod pose;
@@ -33,7 +34,7 @@ pub use template_on_face::TemplateOnFace;
 pub(crate) use tongue::FaceTongue;
 pub use tongue::tongue_note;
 
-/// What is to be put on a face.
+/// A movement to put on a face.
 pub enum Movement<'a> {
     /// Motion of the mean face.
     Motion(&'a Motion),
@@ -44,15 +45,15 @@ pub enum Movement<'a> {
         /// Frames per second.
         fps: f64,
     },
-    /// Two motions of one length, each vertex by its shares `[V]` of both, such as what is said and how it is felt
-    /// under a painted mask.
+    /// Two motions of the same length, each with the shares `[V]` by which the vertices follow it.
+    /// For example speech and emotion, mixed by a painted mask.
     Mixed([(&'a Motion, Vec<f32>); 2]),
-    /// Any of these with what the tongue does beside it, `[T, 4]` as [`Life::tongue`] has it.
+    /// Any of these together with the motion of the tongue, `[T, 4]` as in [`Life::tongue`].
     WithTongue(Box<Movement<'a>>, &'a Array2<f32>),
 }
 
 impl<'a> Movement<'a> {
-    /// The same with what the tongue does beside it.
+    /// Adds the motion of the tongue.
     #[must_use]
     pub fn with_tongue(self, life: &'a Life) -> Movement<'a> {
         Movement::WithTongue(Box::new(self), &life.tongue)
@@ -71,7 +72,7 @@ pub struct Spread<'a> {
     fps: f64,
     frames: usize,
     way: Way<'a>,
-    /// The tongue of the face, and what it does over time, `[T, 4]`.
+    /// The tongue of the face, and its motion `[T, 4]`.
     tongue: Option<(FaceTongue, Array2<f32>)>,
     notes: Vec<String>,
 }
@@ -81,7 +82,7 @@ enum Way<'a> {
     Landmarks(SpreadLandmarks<'a>),
     /// Shapes of this mesh and their weights over time.
     Shapes(WeightedShapes<'a>),
-    /// Two motions of one length, and how much each vertex has of either, `[V]`.
+    /// Two motions of the same length, each with the shares `[V]` by which the vertices follow it.
     Mixed(Box<[(Spread<'a>, Vec<f32>); 2]>),
 }
 
@@ -90,7 +91,7 @@ struct SpreadLandmarks<'a> {
     deformer: &'a dyn Deformer,
     /// `[T, 68, 3]`, mesh units and axes.
     landmarks: Array3<f32>,
-    /// What moves vertices beside them, and its codes `[T, X]`.
+    /// The field that moves vertices in addition to the landmarks, and its codes `[T, X]`.
     field: Option<(Arc<dyn CodeField>, ArrayView2<'a, f32>)>,
 }
 
@@ -113,8 +114,11 @@ impl SpreadLandmarks<'_> {
     }
 }
 
-/// Weights that are prepared for one mesh. Shapes add up in straight lines, so lids that they close neither meet under
-/// every expression nor slide over the eyeball. The deformer shuts the lids here, as it does under landmark motion.
+/// Weights that are prepared for one mesh.
+///
+/// Shapes add up linearly, so lids closed by shapes alone would not meet under every
+/// expression and would not slide over the eyeball. Therefore the deformer shuts the lids, as it
+/// does under landmark motion.
 pub struct WeightedShapes<'a> {
     /// Shapes of the mesh. Weights of shapes that it lacks move nothing.
     pub rig: Arc<Rig>,
@@ -161,7 +165,8 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Motion of codes: their landmarks move the mesh, and where the face has a field of codes, that field does too.
+    /// Motion of codes. Their landmarks move the mesh; if the face has a field of codes, that field
+    /// also moves it.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames.
@@ -203,10 +208,10 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Two motions of one face, each vertex by its shares `[V]` of both.
+    /// Adds two motions of one face, each times the share `[V]` by which each vertex follows it.
     ///
     /// # Errors
-    /// `ShapeMismatch` where frames differ, or shares are not one a vertex.
+    /// `ShapeMismatch` if the numbers of frames differ, or there is not one share for each vertex.
     pub fn mixed(mut parts: [(Spread<'a>, Vec<f32>); 2]) -> Result<Spread<'a>> {
         let notes = std::mem::take(&mut parts[0].0.notes);
         let [(first, _), (second, _)] = &parts;
@@ -234,8 +239,8 @@ impl<'a> Spread<'a> {
         })
     }
 
-    /// The same with what the tongue does beside it, `[T, 4]` as [`Life::tongue`] has it. A note says where the face has
-    /// no tongue that could.
+    /// Adds the motion of the tongue, `[T, 4]` as in [`Life::tongue`]. If the face has no tongue
+    /// that can move, a note of the report says so.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames.
@@ -257,7 +262,8 @@ impl<'a> Spread<'a> {
         Ok(self)
     }
 
-    /// Lets the tongue speak. In a mixture it speaks beside the jaw of each part, so that the parts add up.
+    /// Lets the tongue speak. In a mixture, each part moves the tongue along with its own jaw, so
+    /// that the parts add up.
     fn speak(&mut self, tongue: &FaceTongue, track: ArrayView2<'_, f32>) {
         match &mut self.way {
             Way::Mixed(parts) => parts
@@ -269,7 +275,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Displacements of a stretch of frames, `[t, V, 3]`, mesh units.
+    /// Displacements in a range of frames, `[t, V, 3]`, mesh units.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -302,7 +308,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// The landmarks `[T, 68, 3]` that move the mesh; `None` where something else does.
+    /// The landmark motion `[T, 68, 3]` that moves the mesh; `None` if something else moves it.
     fn landmarks(&self) -> Option<&Array3<f32>> {
         match &self.way {
             Way::Landmarks(way) => Some(&way.landmarks),
@@ -310,7 +316,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Makes all frames and hands them to `sink`. While the sink takes one block, the next one is made.
+    /// Makes all frames and hands them to `sink`. Makes the next block while the sink takes one.
     ///
     /// # Errors
     /// Those of [`Spread::frames`] and of the sink.
@@ -325,7 +331,7 @@ impl<'a> Spread<'a> {
         Ok(report)
     }
 
-    /// Makes all frames and hands them to a sink that has begun and expects further frames beside these.
+    /// Makes all frames and hands them to a sink that has already begun and also gets other frames.
     ///
     /// # Errors
     /// Those of [`Spread::frames`] and of the sink.
@@ -369,7 +375,7 @@ impl<'a> Spread<'a> {
     }
 }
 
-/// Displacements `[t, V, 3]` times the share of each vertex.
+/// Multiplies displacements `[t, V, 3]` by the share of each vertex.
 fn scale_rows(moved: &mut Array3<f32>, shares: &[f32]) {
     let shares = ArrayView1::from(shares).insert_axis(Axis(1));
     moved
@@ -378,7 +384,7 @@ fn scale_rows(moved: &mut Array3<f32>, shares: &[f32]) {
         .for_each(|mut frame| frame *= &shares);
 }
 
-/// `Σ_s weight[t, s] · shape[s]` for a stretch of frames, `[t, V, 3]`.
+/// `Σ_s weight[t, s] · shape[s]` for a range of frames, `[t, V, 3]`.
 fn mixed(rig: &Rig, clip: &WeightClip, range: Range<usize>) -> Array3<f32> {
     let pairs = pairs(rig, clip);
     let mut out = Array3::zeros((range.len(), rig.deltas.len_of(Axis(1)), 3));
@@ -394,7 +400,7 @@ fn mixed(rig: &Rig, clip: &WeightClip, range: Range<usize>) -> Array3<f32> {
     out
 }
 
-/// Weights of a clip at some vertices alone, `[T, V, 3]`, mesh units.
+/// Displacements of some `vertices` alone under the weights of a clip, `[T, V, 3]`, mesh units.
 pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Array3<f32> {
     let part = Rig {
         names: rig.names.clone(),
@@ -404,7 +410,7 @@ pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Arr
     mixed(&part, clip, 0..clip.weights.nrows())
 }
 
-/// Columns of the weights of a clip with the numbers of the shapes of the mesh that they move.
+/// Pairs each column of a clip's weights with the number of the shape of the mesh that it moves.
 fn pairs(rig: &Rig, clip: &WeightClip) -> Vec<(usize, usize)> {
     let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
     let names = clip.names.iter().enumerate();
@@ -413,7 +419,8 @@ fn pairs(rig: &Rig, clip: &WeightClip) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// The clip with lips that meet on this face wherever the clip says so. Lips that are one surface stay as they are.
+/// Returns the clip with weights by which the lips meet on this face wherever the clip says so. Lips
+/// that are one surface stay as they are.
 pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow<'a, WeightClip> {
     if clip.together.is_empty() || face.mouth() == Mouth::Welded {
         return Cow::Borrowed(clip);
@@ -459,7 +466,7 @@ impl Block {
                 .to_owned(),
             None => at_landmarks(spread.face, &moved),
         };
-        // What a face cannot do is a warning of the report; this is far beyond.
+        // The report warns of displacements that a face cannot make. Far larger ones are an error.
         DISPLACEMENT.check(&[most * spread.face.metres_per_unit() as f32])?;
         Ok(Block {
             stretch,
@@ -472,7 +479,7 @@ impl Block {
     }
 }
 
-/// The error for a frame that would carry numbers out that are none.
+/// The error for a frame that is not finite.
 fn lost(frame: usize) -> Error {
     Error::Numerics(format!(
         "displacements: frame {frame} is not finite; are the mesh, its motion or the weights of the models \
@@ -480,7 +487,7 @@ fn lost(frame: usize) -> Error {
     ))
 }
 
-/// Length of the longest displacement of `[V, 3]`; no number where any of them is none.
+/// Length of the longest displacement of `[V, 3]`. NaN if any of them is NaN.
 fn largest(frame: ArrayView2<'_, f32>) -> f32 {
     let squared = frame
         .rows()
@@ -493,7 +500,8 @@ fn largest(frame: ArrayView2<'_, f32>) -> f32 {
     }
 }
 
-/// The vertices `[t, V, 3]` nearest to the landmarks, `[t, 68, 3]`.
+/// Picks from displacements `moved` `[t, V, 3]` those of the vertices nearest to the landmarks,
+/// `[t, 68, 3]`.
 fn at_landmarks(face: &Face, moved: &Array3<f32>) -> Array3<f32> {
     let vertices = face.landmarks.vertices.map(|v| v as usize);
     moved.select(Axis(1), &vertices)

@@ -1,4 +1,4 @@
-//! What a system tells of the vertices of its template, on another mesh.
+//! Carries values at the vertices of a system's template to another mesh.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
@@ -12,8 +12,8 @@ use crate::{
 
 const DM_PER_M: f32 = 10.0;
 
-/// A field over a template's vertices, `[V', C]`, on the vertices of a face, `[V, C]`; 0 where they follow none
-/// of its skin.
+/// Carries a field over a template's vertices, `[V', C]`, to the vertices of a face, `[V, C]`.
+/// Vertices that do not follow the skin of the face get 0.
 ///
 /// # Errors
 /// `Mesh` if the landmarks of the face lie on no usable face.

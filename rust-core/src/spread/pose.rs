@@ -1,12 +1,13 @@
-//! The pose in which a face stands, from its vertices.
+//! Finds the pose of a face from its vertices.
 
 use ndarray::{ArrayView2, Axis};
 
 use super::FaceTongue;
 use crate::{Result, face::Face, job::SILENT, motion::Pose};
 
-/// The pose of a face whose vertices are displaced by `moved` `[V, 3]`, mesh units and axes. A motion may start from
-/// it. The pose has the tongue's part beside the jaw if the face was prepared. On other faces the tongue rests.
+/// The pose of a face whose vertices are displaced by `moved` `[V, 3]`, mesh units and axes. A
+/// motion may start from it. If the face was prepared, the pose includes what the tongue does in
+/// addition to the jaw. On other faces the tongue rests.
 ///
 /// # Errors
 /// Those of [`Face::pose_of`].

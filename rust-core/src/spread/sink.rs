@@ -1,4 +1,4 @@
-//! Where frames go as they are made.
+//! Sinks take the frames of a clip as they are made.
 
 use ndarray::{Array3, Axis, concatenate};
 
@@ -9,10 +9,10 @@ use crate::{
     mesh::{Mesh, ibug::LANDMARKS},
 };
 
-/// Bytes of displacements that are made at a time where a sink says nothing else.
+/// Bytes of displacements in a block, unless the sink asks for another size.
 const BLOCK_BYTES: usize = 64 << 20;
 
-/// Frames of a block where a sink says nothing else.
+/// Number of frames in a block, unless the sink asks for another number.
 pub fn frames_at_once(mesh: &Mesh) -> usize {
     BLOCK_BYTES / (mesh.positions.len() * 12).max(1)
 }
@@ -30,25 +30,26 @@ pub struct ClipStart<'a> {
     pub fps: f64,
 }
 
-/// Frames that follow each other, mesh units.
+/// Consecutive frames, mesh units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameBlock {
-    /// Of all vertices, `[t, V, 3]`.
+    /// Displacements of all vertices, `[t, V, 3]`.
     pub displacements: Array3<f32>,
-    /// Of the landmarks, `[t, 68, 3]`: what moved the mesh, or what is read off it where that was no motion of landmarks.
+    /// Displacements of the landmarks, `[t, 68, 3]`: the landmark motion that moved the mesh. If
+    /// something else moved it, they are read off its vertices.
     pub landmarks: Array3<f32>,
 }
 
 /// Takes the frames of a clip in order: [`FrameSink::begin`], any number of blocks, then
-/// [`FrameSink::finish`]. An error of any of them ends the run.
+/// [`FrameSink::finish`]. An error in any of them ends the run.
 pub trait FrameSink: Send {
-    /// Hears what is to come.
+    /// Begins a clip, before its first frame.
     ///
     /// # Errors
-    /// Whatever hinders the sink.
+    /// Any error of the sink.
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()>;
 
-    /// How many frames it wants to get at a time: 64 MiB of them unless it says something else.
+    /// How many frames the sink wants at a time. By default as many as fit into 64 MiB.
     fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
         frames_at_once(start.mesh)
     }
@@ -56,13 +57,13 @@ pub trait FrameSink: Send {
     /// Takes the next frames.
     ///
     /// # Errors
-    /// Whatever hinders the sink.
+    /// Any error of the sink.
     fn take(&mut self, block: FrameBlock) -> Result<()>;
 
-    /// Hears that all frames were taken.
+    /// Ends the clip, after its last frame.
     ///
     /// # Errors
-    /// Whatever hinders the sink.
+    /// Any error of the sink.
     fn finish(&mut self) -> Result<()>;
 }
 
@@ -77,7 +78,7 @@ pub struct Animation {
     pub landmark_displacements: Array3<f32>,
 }
 
-/// Whether displacements of all frames fit into memory, asked before the work is done.
+/// Checks, before any work is done, that the displacements of all frames fit into memory.
 ///
 /// # Errors
 /// `OutOfMemory`.
@@ -85,7 +86,7 @@ fn room_for(frames: usize, vertices: usize) -> Result<()> {
     let numbers = frames.saturating_mul(vertices).saturating_mul(3);
     let bytes = (numbers as u64).saturating_mul(4);
     let is_left = available().is_none_or(|left| bytes <= left);
-    // A system that has it may still refuse it in one piece.
+    // A system that has this much memory may still refuse to give it in one piece.
     match is_left && Vec::<f32>::new().try_reserve_exact(numbers).is_ok() {
         true => Ok(()),
         false => Err(Error::OutOfMemory(format!(
@@ -117,7 +118,7 @@ impl Default for Collector {
 }
 
 impl Collector {
-    /// All frames that `run` hands to the sink that it gets.
+    /// Calls `run` with a sink and returns all frames that `run` hands to it.
     ///
     /// # Errors
     /// Those of `run`.
@@ -129,7 +130,7 @@ impl Collector {
         Ok(collector.into_animation())
     }
 
-    /// The clip that was collected; one of no frames where the run did not end.
+    /// The clip of all frames taken so far.
     pub fn into_animation(self) -> Animation {
         Animation {
             vertices: VertexClip {
@@ -142,7 +143,7 @@ impl Collector {
     }
 }
 
-/// Blocks `[t, N, 3]` behind each other.
+/// Joins blocks `[t, N, 3]` one after the other.
 fn in_one_piece(mut blocks: Vec<Array3<f32>>, points: usize) -> Array3<f32> {
     match blocks.len() {
         1 => blocks.remove(0),
@@ -183,13 +184,13 @@ impl FrameSink for Collector {
     }
 }
 
-/// How far things move, over all frames.
+/// How far vertices and landmarks move, over all frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpreadReport {
     /// Largest displacement of any vertex, mesh units.
     pub largest: f32,
-    /// `[T, 68, 3]`, mesh units: what moved the mesh, or what is read off it where that was no motion
-    /// of landmarks.
+    /// Displacements of the landmarks, `[T, 68, 3]`, mesh units: the landmark motion that moved the
+    /// mesh. If something else moved it, they are read off its vertices.
     pub landmarks: Array3<f32>,
     /// What the user should know.
     pub notes: Vec<String>,

@@ -1,8 +1,9 @@
-//! Lays a template on the mesh of a face: which vertices follow its surface, and by which share.
+//! Lays a template on a face: finds which vertices follow its surface, and by which share.
 //!
-//! The template is bent onto the face by its landmarks, as [`ReferencePoints`] are. Every row of the skin follows the
-//! nearest place of the bent surface that faces the same way. It follows less the farther it lies from that place, near
-//! the border of the template, and near lips and lids, which follow their landmarks.
+//! The landmarks bend the template onto the face, as they do with [`ReferencePoints`]. Every row of
+//! the skin follows the nearest place of the bent surface that faces the same way. A row follows
+//! less if it lies far from that place or near the border of the template. It also follows less
+//! near the lips and the lids, because these follow their landmarks.
 
 use glam::Vec3;
 use ndarray::{Array3, ArrayView3, Axis};
@@ -20,18 +21,18 @@ use crate::{
 };
 
 const CM_PER_M: f32 = 100.0;
-/// A row within the first distance of the template's surface follows it wholly, beyond the second not at all. All
-/// lengths are centimetres.
+/// A row within the first distance of the template's surface follows it wholly. Beyond the second
+/// distance it does not follow at all. All lengths are centimetres.
 const NEAR_CM: (f32, f32) = (1.0, 2.0);
-/// Within the first distance of the template's border, of the lips and of the lids nothing follows; beyond the second
-/// rows follow wholly.
+/// Within the first distance of the template's border, the lips or the lids, rows do not follow.
+/// Beyond the second distance they follow wholly.
 const BORDER_CM: (f32, f32) = (0.0, 0.5);
 const LIPS_CM: (f32, f32) = (0.2, 1.0);
 const LIDS_CM: (f32, f32) = (0.2, 0.8);
-/// Cosine between the normals of a row and of the triangle that it follows, at least.
+/// The normals of a row and of the triangle that it follows have a cosine greater than this.
 const SAME_WAY: f32 = 0.2;
 
-/// What the vertices of one face take from those of a template.
+/// How the vertices of one face follow those of a template.
 pub struct TemplateOnFace {
     to_canonical: Similarity,
     landmarks: [usize; LANDMARKS],
@@ -49,7 +50,7 @@ struct Place {
 }
 
 impl TemplateOnFace {
-    /// Lays the template on a face. `share`: how far vertices follow it at most, 0 to 1.
+    /// Lays the template on a face. `share`: the most by which a vertex follows it, 0 to 1.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face.
@@ -89,18 +90,20 @@ impl TemplateOnFace {
         })
     }
 
-    /// By which share each vertex `[V]` follows the template.
+    /// The share by which each vertex `[V]` follows the template.
     pub fn shares(&self) -> &[f32] {
         &self.shares
     }
 
-    /// The template's landmarks under `motion` `[t, V', 3]` of it: `[t, 68, 3]`.
+    /// Displacements of the template's landmarks, `[t, 68, 3]`, when its vertices move by `motion`
+    /// `[t, V', 3]`.
     pub fn landmarks(&self, motion: ArrayView3<'_, f32>) -> Array3<f32> {
         motion.select(Axis(1), &self.landmarks)
     }
 
-    /// The displacements `[t, V, 3]`, mesh units and axes, that must be added to the motion `base` `[t, V, 3]` of the
-    /// mesh so that the vertices follow the template under `motion` `[t, V', 3]`, canonical metres.
+    /// What to add to the motion `base` `[t, V, 3]` of the mesh, so that the vertices follow the
+    /// template when it moves by `motion` `[t, V', 3]`, canonical metres. Returns `[t, V, 3]`, mesh
+    /// units and axes.
     pub fn beyond(&self, motion: ArrayView3<'_, f32>, base: &Array3<f32>) -> Array3<f32> {
         let motion = self.to_canonical.displacements_to_mesh(motion);
         let mut out = Array3::zeros(base.dim());
@@ -122,12 +125,12 @@ impl TemplateOnFace {
     }
 }
 
-/// The template bent onto a face, canonical centimetres, and what is needed to find places on it.
+/// The template bent onto a face, canonical centimetres, with data for finding places on it.
 struct Bent {
     mesh: Mesh,
-    /// Of each triangle, twice the area times the unit normal.
+    /// For each triangle, twice its area times its unit normal.
     facing: Vec<Vec3>,
-    /// Where it ends, lips and lids too.
+    /// Vertices on the open edges of the template, including those at lips and lids.
     border: Vec<[f32; 3]>,
 }
 
@@ -155,7 +158,7 @@ impl Bent {
         }
     }
 
-    /// Places of the `rows` of a skin, `[R]`, of a face with these landmarks.
+    /// Finds the places `[R]` of the `rows` of a face's skin. `landmarks`: those of the face.
     fn places(&self, rows: &Mesh, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<Place> {
         let normals = rows.vertex_normals();
         let tree = SurfaceTree::new(&self.mesh);
@@ -184,7 +187,7 @@ impl Bent {
             let numbers = (0..rows.positions.len()).into_par_iter();
             numbers.map(|row| place(side, row)).collect()
         };
-        // Triangles of a mesh may be turned inside out.
+        // The triangles of a mesh may be inside out. Keep the side on which more follows.
         let (out, inside_out) = (all(1.0), all(-1.0));
         let sum = |places: &[Option<Place>]| places.iter().flatten().map(|p| p.share).sum::<f32>();
         let better = match sum(&out) >= sum(&inside_out) {

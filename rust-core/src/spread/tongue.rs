@@ -1,4 +1,4 @@
-//! Moves a tongue that is a separate part, beside the motion of its jaw.
+//! Moves a tongue that is a separate part of the mesh, on top of the motion of its jaw.
 //!
 //! Fields over the length of the tongue raise its tip, middle and back, and bring its tip forward. Lengths are
 //! canonical centimetres, on a mouth 5 cm wide. +y is up, +z out of the face.
@@ -16,49 +16,55 @@ use crate::{
     speech::TONGUE_PLACES,
 };
 
-/// Where on the tongue's length, 0 at the root and 1 at the tip, middle and back rise most, and how far to either side
-/// they rise at all.
+/// The place along the tongue, 0 at the root and 1 at the tip, where its middle rises most, and how far
+/// to either side of it the rise reaches.
 const MIDDLE: (f32, f32) = (0.6, 0.45);
+/// The same for the back of the tongue.
 const BACK: (f32, f32) = (0.25, 0.35);
-/// From where to where on its length the tip's share rises from 0 to 1.
+/// Between these places along the tongue, the tip's share grows from 0 to 1.
 const TIP: (f32, f32) = (0.4, 0.95);
-/// From here on the surface counts as the tip's.
+/// From this place along the tongue on, the surface belongs to the tip.
 const TIP_TOP: f32 = 0.88;
-/// Half the length whose top counts for middle and back.
+/// The middle and the back extend this far to either side of their places when their tops are measured.
 const PLACE: f32 = 0.15;
-/// Half the length that counts as one cut across it.
+/// A cross-section of the tongue extends this far to either side of its place.
 const SLICE: f32 = 0.1;
 /// The tongue's underside rises by this share only, because the floor of the mouth holds it.
 const UNDERSIDE: f32 = 0.35;
-/// The farthest that a place rises or the tip goes down and back.
+/// The farthest that any place rises or that the tip goes forward.
 const RISE_CM: f32 = 1.5;
+/// The farthest that the tip goes down or back.
 const BACKWARD_CM: f32 = 0.3;
-/// The ridge and the palate above the edge of the upper teeth: the crown of an upper incisor is about 1 cm long, a
-/// palate about 1.5 cm deep.
+/// Height of the ridge above the edge of the upper teeth: the crown of an upper incisor is about 1 cm
+/// long.
 const RIDGE_CM: f32 = 0.6;
+/// Height of the palate above that edge: a palate is about 1.5 cm deep.
 const PALATE_CM: f32 = 1.5;
 /// The skin of the tongue stays at least this far from teeth and palate.
 const CLEAR_CM: f32 = 0.03;
-/// On a face without upper teeth their inner face is assumed this far behind the lips.
+/// On a face without upper teeth, their inner face is assumed to lie this far behind the lips.
 const INNER_CM: f32 = 1.15;
-/// How far apart the faces of the front teeth are at most.
+/// The largest distance between the outer and the inner face of the front teeth.
 const THICK_CM: f32 = 1.2;
 
-/// Height up to which the inner face of front teeth is sampled, at so many heights and so many places beside the
-/// middle.
+/// The inner face of the front teeth is sampled over this height.
 const WALL_CM: f32 = 1.5;
+/// Number of heights at which it is sampled.
 const WALL_HEIGHTS: usize = 16;
+/// Number of distances from the middle at which it is sampled.
 const WALL_SIDES: usize = 9;
-/// How far forward the tongue may go past the edge of teeth for its distance from that edge.
+/// How much farther forward the tongue may go for each unit of height that it is beyond the edge of the
+/// teeth.
 const SLOPE: f32 = 1.0;
-/// Parts of the side of a triangle between points on it.
+/// Each side of a triangle is divided into this many parts to sample points on the triangle.
 const SAMPLES: usize = 8;
 
-/// First and last step of the search for the shares of a tongue from its vertices.
+/// The first step of the search that recovers the shares of a tongue from its vertices.
 const FIRST_STEP: f32 = 0.25;
+/// The search ends when its step is no larger than this.
 const LAST_STEP: f32 = 1e-4;
 
-/// Why the tongue of a face does not speak, where it does not.
+/// Says why the tongue of a face cannot move in speech; `None` if it can.
 pub fn tongue_note(face: &Face) -> Option<&'static str> {
     let (positions, landmarks) = centimetres(face);
     tongue(&positions, &face.parts, &landmarks).complaint()
@@ -71,7 +77,7 @@ fn centimetres(face: &Face) -> (Vec<[f32; 3]>, [[f32; 3]; 68]) {
     (positions, face.landmarks.positions.map(cm))
 }
 
-/// Vertices of the parts with a role, without the part that is the `tongue`.
+/// Vertices of all parts with a role, except the part that is the `tongue`.
 fn vertices_of_role(face: &Face, role: PartRole, tongue: &[u32]) -> Vec<usize> {
     let lists = face.parts.connected.vertices().into_iter();
     let parts = face.parts.parts.iter().zip(lists);
@@ -80,7 +86,7 @@ fn vertices_of_role(face: &Face, role: PartRole, tongue: &[u32]) -> Vec<usize> {
     numbers.map(|v| v as usize).collect()
 }
 
-/// The tongue of a face, which may move by itself.
+/// The tongue of a face, if it can move by itself.
 #[derive(Debug, Clone)]
 pub(crate) struct FaceTongue {
     vertices: Vec<TongueVertex>,
@@ -95,7 +101,7 @@ struct TongueVertex {
     rest: [f32; 3],
     /// Place on the tongue's length, 0 at the root, 1 at the tip.
     along: f32,
-    /// Shares of the rise of tip, middle and back, and of the tip's way forward.
+    /// Its shares in the rise of the tip, the middle and the back, and in the tip's motion forward.
     shares: [f32; 4],
 }
 
@@ -106,11 +112,12 @@ struct LowerTeeth {
     numbers: Vec<usize>,
 }
 
-/// What lies around the tongue.
+/// The space around the tongue.
 #[derive(Debug, Clone, PartialEq)]
 struct Room {
-    /// Height of the roof over the tip, the middle and the back, and where these lie along z.
+    /// Height of the roof over the tip, the middle and the back.
     roof: [f32; 3],
+    /// Where the tip, the middle and the back lie along z.
     places: [f32; 3],
     /// Height of the edge of the upper front teeth.
     edge: f32,
@@ -121,30 +128,34 @@ struct Room {
 }
 
 impl FaceTongue {
-    /// Finds the tongue of a face and the room in which it moves, or says why the face has none that moves.
+    /// Finds the tongue of a face and the room in which it moves, or says why the face has no movable
+    /// tongue.
     ///
-    /// The tongue moves by its own shape and by the space about it, so that it touches palate and teeth on any mesh
-    /// without passing through them.
+    /// The motion depends on the tongue's own shape and on the space around it, so that on any mesh the
+    /// tongue touches the palate and the teeth without passing through them.
     ///
     /// 1. The tongue is the part that follows the jaw and runs deep along the midline ([`tongue`]).
-    /// 2. Each of its vertices gets a place along its length, from the root to the tip, and a share of the rise of tip,
-    ///    middle and back there. The underside rises less, because the floor of the mouth holds it ([`vertices`]).
-    /// 3. Parts that rest with the skull, near the lips, are upper teeth, gums and palate. They give the height of the
-    ///    teeth's edge, the roof over three places of the tongue, and the inner face of the front teeth as a grid of
-    ///    depths ([`Room::find`], [`Wall::of`]).
+    /// 2. Each of its vertices gets a place along the tongue, from the root to the tip, and its shares in
+    ///    the rise of the tip, the middle and the back. The underside rises less, because the floor of
+    ///    the mouth holds it ([`vertices`]).
+    /// 3. Parts near the lips that rest with the skull are upper teeth, gums and palate. They give the
+    ///    height of the teeth's edge, the roof over three places of the tongue, and the inner face of the
+    ///    front teeth as a grid of depths ([`Room::find`], [`Wall::of`]).
     /// 4. Parts that follow the jaw, except the tongue, give the inner face of the lower front teeth, which moves
     ///    with the jaw ([`LowerTeeth::find`]).
     ///
-    /// The cost is one pass over the triangles of the mesh for skull and for jaw. Each triangle near the lips becomes
-    /// 45 points, because the inside of a large triangle may be the only part of a tooth in a cell of the grid.
-    /// Memory is these points, until the walls are known.
+    /// It passes over the triangles of the mesh once for the skull and once for the jaw. Each triangle
+    /// near the lips becomes 45 points, because the inside of a large triangle may be the only part of a
+    /// tooth in a cell of the grid. These points take up memory until the walls are known.
     ///
-    /// Not obvious: all lengths grow with the width of the mouth (`unit`), and the room is that of the neutral face.
-    /// Only the lower teeth move later. Where several parts lie in front, the innermost points make the wall.
+    /// Not obvious: all lengths grow with the width of the mouth (`unit`), and the room is that of the
+    /// neutral face. Only the lower teeth move later. Where several parts lie in front, the innermost
+    /// points form the wall.
     ///
-    /// What can go wrong: a tongue that is sewn to the gums, or none at all, is an error with a sentence. Without upper
-    /// teeth the edge lies at the height of the lips, the wall is flat and [`INNER_CM`] behind them, and the roof has
-    /// the height that people have. Without lower teeth nothing holds the tongue back below.
+    /// What can go wrong: if the tongue is sewn to the gums or missing, the error says so. Without upper
+    /// teeth, the edge lies at the height of the lips, the wall is flat and [`INNER_CM`] behind them, and
+    /// the roof is at most as high as in people. Without lower teeth, nothing below holds the tongue
+    /// back.
     pub(crate) fn find(face: &Face) -> Result<FaceTongue, &'static str> {
         let (positions, landmarks) = centimetres(face);
         let tongue = match tongue(&positions, &face.parts, &landmarks) {
@@ -180,15 +191,15 @@ impl FaceTongue {
         })
     }
 
-    /// Numbers in the mesh of its vertices and of the vertices of the teeth that limit it.
+    /// Mesh numbers of the tongue's vertices and of the vertices of the lower teeth that limit it.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> + '_ {
         let teeth = self.lower.iter().flat_map(|teeth| &teeth.numbers);
         let tongue = self.vertices.iter().map(|vertex| vertex.number);
         tongue.chain(teeth.copied())
     }
 
-    /// The tongue among some vertices of the mesh, `known`, in rising order. `None` if a vertex of the tongue or its
-    /// teeth is missing.
+    /// Renumbers the vertices to their indices in `known`, mesh numbers in ascending order. `None` if a
+    /// vertex of the tongue or of its teeth is missing there.
     pub(crate) fn among(mut self, known: &[usize]) -> Option<FaceTongue> {
         for vertex in &mut self.vertices {
             vertex.number = known.binary_search(&vertex.number).ok()?;
@@ -234,8 +245,9 @@ impl FaceTongue {
         Some(wall.moved(by[1], by[2]))
     }
 
-    /// What the tongue does, shares as a row of [`FaceTongue::speak`] has them, where the mesh stands as in `shown`
-    /// `[V, 3]` and its jaw alone brings it to `jaw` `[V, 3]`, mesh units.
+    /// Finds the shares, in the order of a row of [`FaceTongue::speak`], that best explain the tongue of
+    /// a pose. `shown` are the displacements of that pose and `jaw` those that its jaw alone causes, both
+    /// `[V, 3]` in mesh units.
     pub(super) fn shares_of(
         &self,
         shown: ArrayView2<'_, f32>,
@@ -243,7 +255,7 @@ impl FaceTongue {
     ) -> [f32; TONGUE_PLACES] {
         let rests = |vertex: &TongueVertex| shown.row(vertex.number).iter().all(|x| *x == 0.0);
         if self.vertices.iter().all(rests) {
-            // Nobody has moved it, whatever the jaw does.
+            // No vertex of the tongue is displaced, so nobody posed it, even if the jaw moves.
             return [0.0; TONGUE_PLACES];
         }
         let below = self.below(jaw);
@@ -293,7 +305,8 @@ impl FaceTongue {
         }
     }
 
-    /// What each vertex of the tongue, which its jaw has brought to `now` behind the teeth `below`, does beside it.
+    /// The displacement of each vertex of the tongue on top of the jaw's motion. The jaw has brought the
+    /// vertices to `now` and the lower teeth to `below`.
     fn displacements(
         &self,
         (now, below): (&[[f32; 3]], Option<&Wall>),
@@ -303,7 +316,7 @@ impl FaceTongue {
             roof, edge, unit, ..
         } = self.room;
         let share = |place: usize| row[place].clamp(0.0, 1.0);
-        // A tip is in one place at a time.
+        // The tip can only be in one place at a time, so its two shares sum to at most 1.
         let (mut ridge, mut between) = (share(0), share(3));
         let both = (ridge + between).max(1.0);
         (ridge, between) = (ridge / both, between / both);
@@ -329,10 +342,10 @@ impl FaceTongue {
         each.collect()
     }
 
-    /// How far the tip rises until its foremost point is at a height.
+    /// How far the tip must rise for its foremost point to reach a height.
     fn rise_of_foremost(&self, now: &[[f32; 3]], height: f32) -> f32 {
         let unit = self.room.unit;
-        // The same at all times: another one would rise by another share.
+        // Picked by rest position, so that it is always the same vertex: another one has another share.
         let of_tip = self.vertices.iter().zip(now);
         let foremost = of_tip.max_by(|a, b| a.0.rest[2].total_cmp(&b.0.rest[2]));
         let rise = foremost.map_or(0.0, |(vertex, p)| {
@@ -341,7 +354,7 @@ impl FaceTongue {
         rise.clamp(-BACKWARD_CM * unit, RISE_CM * unit)
     }
 
-    /// How far forward the tip goes until it touches the upper teeth, where it has risen by `rise`.
+    /// How far forward the tip goes until it touches the upper teeth, once it has risen by `rise`.
     fn reach(&self, now: &[[f32; 3]], rise: f32) -> f32 {
         let Room { edge, unit, .. } = self.room;
         let of_tip = self.vertices.iter().zip(now);
@@ -355,7 +368,7 @@ impl FaceTongue {
         least.clamp(-BACKWARD_CM * unit, RISE_CM * unit)
     }
 
-    /// The highest point of a stretch of the tongue's length.
+    /// The height of the highest point on a stretch of the tongue's length.
     fn top(&self, now: &[[f32; 3]], along: Range<f32>) -> f32 {
         top(&self.vertices, now, along)
     }
@@ -383,7 +396,7 @@ fn vertices(positions: &[[f32; 3]], numbers: &[u32]) -> Vec<TongueVertex> {
     };
     let (root, tip) = range(2);
     let share = |x: f32, (low, high): (f32, f32)| ((x - low) / (high - low)).clamp(0.0, 1.0);
-    // Underside and back of the tongue where it is cut across.
+    // Lowest and highest point of the cross-section at a place along the tongue.
     let slice = |along: f32| {
         let near = numbers.iter().map(|&v| of(v));
         let near = near.filter(|p| (share(p[2], (root, tip)) - along).abs() < SLICE);
@@ -416,25 +429,26 @@ fn vertices(positions: &[[f32; 3]], numbers: &[u32]) -> Vec<TongueVertex> {
         .collect()
 }
 
-/// From 0 to 1 where `x` does.
+/// Rises smoothly from 0 to 1 while `x` goes from 0 to 1.
 fn smooth_step(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
 impl Room {
-    /// Measures it by the parts that rest with the `skull`: upper teeth, gums and palate, by their vertices and
-    /// points on their `surface`.
+    /// Measures the room from the parts that rest with the skull: upper teeth, gums and palate. `skull`
+    /// are their vertices and `surface` points on their triangles.
     ///
-    /// 1. Vertices in the middle of the mouth, from the tip of the tongue to the lips, are front teeth. The lowest is
-    ///    their edge.
-    /// 2. Points no further than [`THICK_CM`] behind the foremost of these are both faces of the teeth. The hindmost
-    ///    one in each cell of a grid over width and height is the inner face.
-    /// 3. The roof over tip, middle and back is as high above the edge as in people, or just below the lowest vertex
-    ///    over the tongue there where that is lower.
+    /// 1. Vertices in the middle of the mouth, from the tip of the tongue to the lips, are front teeth.
+    ///    The lowest of them is their edge.
+    /// 2. Points less than [`THICK_CM`] behind the foremost of these vertices lie on either face of the
+    ///    teeth. The hindmost point in each cell of a grid over width and height lies on the inner face.
+    /// 3. The roof over the tip, the middle and the back is as high above the edge as in people. If a
+    ///    vertex above the tongue there is lower, the roof lies just below it.
     ///
-    /// One pass over the vertices and one over the points. Where no front teeth lie behind the lips, the edge is at the
-    /// height of the lips and the inner face is flat, [`INNER_CM`] behind them.
+    /// The cost grows with the number of vertices plus that of points. If there are no front teeth behind
+    /// the lips, the edge is at the height of the lips and the inner face is flat, [`INNER_CM`] behind
+    /// them.
     fn find(
         vertices: &[TongueVertex],
         (skull, surface): (&[[f32; 3]], &[[f32; 3]]),
@@ -484,7 +498,8 @@ impl Room {
         room
     }
 
-    /// Lowers the roof to the points of the `skull` over each of the three places of the tongue, which is at `rest`.
+    /// Lowers the roof to just below the lowest vertex of the `skull` above each of the tongue's three
+    /// places. `rest`: the tongue's rest positions.
     fn lower_roof(
         &mut self,
         (vertices, rest): (&[TongueVertex], &[[f32; 3]]),
@@ -541,7 +556,8 @@ impl Room {
 }
 
 impl LowerTeeth {
-    /// Of the parts that follow the jaw, by their vertices and their `surface`; `None` where nothing lies in front.
+    /// Finds the lower teeth among the parts that follow the jaw. `jaw` are the vertices of these parts
+    /// and `surface` points on their triangles. `None` if no vertex lies in front.
     fn find(
         positions: &[[f32; 3]],
         jaw: &[usize],
@@ -570,19 +586,20 @@ impl LowerTeeth {
     }
 }
 
-/// The inner face of front teeth: by the distance from the middle and by height, how far back it lies.
+/// The inner face of the front teeth: its z at each distance from the middle and each height.
 #[derive(Debug, Clone, PartialEq)]
 struct Wall {
     middle: f32,
     /// Its lowest height.
     low: f32,
-    /// Between heights, and between distances from the middle.
+    /// Distance between neighbouring heights, and between neighbouring distances from the middle.
     step: f32,
     z: [[f32; WALL_HEIGHTS]; WALL_SIDES],
 }
 
 impl Wall {
-    /// Of points on teeth, from the height `low` on; it goes on as it is where these end.
+    /// Builds the wall from points on teeth, from the height `low` up. A cell without points takes the
+    /// value of the cell below it, or else of the cell above.
     fn of(points: &[[f32; 3]], middle: f32, low: f32, unit: f32) -> Wall {
         let step = WALL_CM * unit / (WALL_HEIGHTS - 1) as f32;
         let mut z = [[f32::INFINITY; WALL_HEIGHTS]; WALL_SIDES];
@@ -618,7 +635,7 @@ impl Wall {
         }
     }
 
-    /// One that is nowhere farther back or forth.
+    /// A wall with the same z everywhere.
     fn flat(middle: f32, low: f32, z: f32, unit: f32) -> Wall {
         Wall {
             middle,
@@ -640,7 +657,7 @@ impl Wall {
         }
     }
 
-    /// How far forward something may be at a place across the face and a height; without end beside the front teeth.
+    /// The largest z allowed at `x` across the face and at `height`; infinite beside the front teeth.
     fn limit(&self, x: f32, height: f32) -> f32 {
         let side = ((x - self.middle).abs() / self.step) as usize;
         let Some(column) = self.z.get(side) else {
@@ -656,7 +673,8 @@ impl Wall {
     }
 }
 
-/// Points on the triangles of some vertices, rising, so close that no tooth lies between them.
+/// Points on the triangles whose corners are all in `numbers`, too close together for a tooth to fit
+/// between.
 fn surface(positions: &[[f32; 3]], triangles: &[[u32; 3]], numbers: &[usize]) -> Vec<[f32; 3]> {
     let mut sorted = numbers.to_vec();
     sorted.sort_unstable();

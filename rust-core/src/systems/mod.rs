@@ -1,7 +1,8 @@
 //! One folder per paper, and the registry of them; systems never import each other.
 //!
-//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`], under the feature of its
-//! name. Without these three the rest still compiles. `CONTRIBUTING.md` says how to add one.
+//! A system consists of its folder, its `mod` line and its entry in [`SYSTEMS`], all under the
+//! feature of its name. The rest compiles without these three. `CONTRIBUTING.md` says how to add
+//! one.
 
 #[cfg(feature = "cafe-talk")]
 pub mod cafe_talk;
@@ -22,7 +23,7 @@ pub use slider::Slider;
 pub use system::{Ability, Description, EmotionMask, Registration, Sampled, System};
 pub use windows::Windows;
 
-/// Every system, the default one first.
+/// Every system. The first one is the default.
 pub static SYSTEMS: &[&Registration] = &[
     #[cfg(feature = "freetalk")]
     &freetalk::REGISTRATION,
@@ -35,10 +36,10 @@ pub static SYSTEMS: &[&Registration] = &[
 ];
 
 impl Registration {
-    /// Checks that it has an ability. `task`: the requested task, such as `events`.
+    /// Checks that the system has an ability. `task`: the requested task, such as `events`.
     ///
     /// # Errors
-    /// `InvalidInput` with the names of the systems that can.
+    /// `InvalidInput`, with the names of the systems that have the ability, if it has not.
     pub fn require(&self, ability: Ability, task: &str) -> Result<()> {
         if self.can(ability) {
             return Ok(());
@@ -58,7 +59,7 @@ impl Registration {
         )))
     }
 
-    /// The system of this name; the default one for `None`.
+    /// Finds the system of this name, or the default one for `None`.
     ///
     /// # Errors
     /// `InvalidInput` for an unknown name.
@@ -76,7 +77,7 @@ impl Registration {
     }
 }
 
-/// Every built-in model: those that all systems share, then those of each system.
+/// Lists every built-in model: first those that all systems share, then those of each system.
 pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
         &speech::COMPACT_MODEL,

@@ -1,4 +1,4 @@
-//! What a system is, and how it is known before it is loaded.
+//! What a system is, and what is known of it before it is loaded.
 
 use std::{path::Path, sync::Arc};
 
@@ -15,7 +15,7 @@ use crate::{
     speech::{Heard, SpeechInput},
 };
 
-/// How a system is known before it is loaded.
+/// What is known of a system before it is loaded.
 ///
 /// ```
 /// use anyface::systems::{Registration, SYSTEMS};
@@ -29,23 +29,24 @@ use crate::{
 /// # Ok::<(), anyface::Error>(())
 /// ```
 pub struct Registration {
-    /// The word by which it is chosen.
+    /// The name by which a user chooses it.
     pub name: &'static str,
-    /// Its name for people.
+    /// The name that is shown to people.
     pub label: &'static str,
     /// One sentence of help.
     pub help: &'static str,
     /// Its built-in models.
     pub models: &'static [&'static BuiltIn],
-    /// The controls that it understands, in groups: those shared with others and its own.
+    /// The controls that it understands, in groups: those that it shares with others, and its own.
     pub controls: &'static [&'static [Control]],
-    /// What its motion moves.
+    /// The kind of its motion.
     pub motion: MotionKind,
     /// What it can do that others cannot.
     pub abilities: &'static [Ability],
-    /// What of a finished take may still be scaled without a new run.
+    /// The aspects of a finished take that can be scaled without a new run.
     pub sliders: &'static [Slider],
-    /// What a second of sound takes of memory while it is performed, bytes, measured at 30 frames a second.
+    /// Memory that a performance needs for each second of sound, bytes, measured at 30 frames a
+    /// second.
     pub second_bytes: u64,
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
@@ -56,18 +57,19 @@ pub struct Registration {
 pub enum Ability {
     /// Shows the events of a request.
     Events,
-    /// Understands words beside the categories of emotion: an emotion is a place among words to it.
+    /// Understands other words than the categories of emotion, because it represents an emotion as
+    /// a place among words.
     Words,
-    /// Hears emotion in a voice, may take it from another recording, and tells it from what is said.
+    /// Hears emotion in the voice or in another recording, and keeps it apart from what is said.
     Emotion,
-    /// Goes on from a given pose.
+    /// Starts a take from a given pose.
     FirstPose,
     /// Moves the parametric head of [`crate::head`].
     Head,
 }
 
 impl Registration {
-    /// Whether it can do something.
+    /// Whether it has an ability.
     pub fn can(&self, ability: Ability) -> bool {
         self.abilities.contains(&ability)
     }
@@ -77,7 +79,7 @@ impl Registration {
         self.controls.iter().copied().flatten()
     }
 
-    /// Controls of one stage.
+    /// The controls of one stage.
     pub fn controls_of(&self, stage: ControlStage) -> impl Iterator<Item = &'static Control> {
         self.controls()
             .filter(move |control| control.stage == stage)
@@ -87,15 +89,16 @@ impl Registration {
 /// What is known of a system's models once they are loaded.
 #[derive(Default)]
 pub struct Description<'a> {
-    /// The speech features that its models were trained with; `None` where any will do.
+    /// The speech features that its models were trained with. `None` if any will do.
     pub speech: Option<&'a SpeechInput>,
-    /// Whether [`Heard::voice`] has to keep the sound, for an encoder of the system's own.
+    /// Whether [`Heard::voice`] has to keep the sound because the system has an encoder of its own.
     pub keeps_sound: bool,
-    /// Whether another emotion needs another [`System::sample`], or [`System::apply_controls`] adds it.
+    /// Whether a change of emotion needs a new [`System::sample`], or [`System::apply_controls`]
+    /// adds it.
     pub emotion: EmotionOrigin,
     /// Names of the speaking styles that its models know.
     pub styles: &'a [String],
-    /// In which pieces it performs a long sound; `None` where it takes any length at once.
+    /// The windows in which it performs a long sound. `None` if it takes any length at once.
     pub windows: Option<Windows>,
 }
 
@@ -104,7 +107,7 @@ pub struct Description<'a> {
 pub struct Sampled {
     /// The motion.
     pub motion: Motion,
-    /// How far emotion is believed beside what is said, of a system that tells them apart.
+    /// The weight of emotion against speech, if the system keeps the two apart.
     pub mask: Option<Arc<dyn EmotionMask>>,
 }
 
@@ -114,7 +117,7 @@ impl From<Motion> for Sampled {
     }
 }
 
-/// How far emotion is believed beside what is said in one motion.
+/// The weight of emotion against speech in one motion.
 pub trait EmotionMask: Send + Sync {
     /// The share of emotion for each vertex of the system's template and each frame.
     ///
@@ -123,20 +126,20 @@ pub trait EmotionMask: Send + Sync {
     fn shares(&self) -> Result<TemplateMask>;
 }
 
-/// Turns what was heard and asked into motion.
+/// Turns a heard sound and a request into motion.
 ///
-/// A performance has two halves: [`System::sample`] runs the networks, [`System::apply_controls`] puts
-/// controls on the result and may be called again with others.
+/// A performance has two halves. [`System::sample`] runs the networks. [`System::apply_controls`]
+/// applies controls to the result and may be called again with other controls.
 pub trait System: Send + Sync {
-    /// What is known of its models.
+    /// Describes the system's loaded models.
     fn description(&self) -> Description<'_> {
         Description::default()
     }
 
-    /// The motion as the models make it: `heard.frames(request.fps)` frames at `request.fps`.
+    /// Makes the motion with the models: `heard.frames(request.fps)` frames at `request.fps`.
     ///
-    /// The controls of `request` were checked, and its emotion was heard in the voice where it asks
-    /// for that.
+    /// The caller has checked the controls of `request`. If the request asks for the emotion of the
+    /// voice, the caller has already filled in the emotion that it heard.
     ///
     /// # Errors
     /// `InvalidInput` for an unknown style, `Cancelled`.
@@ -147,8 +150,8 @@ pub trait System: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Sampled>;
 
-    /// Puts the controls of `request` on what was sampled. Blinks come as often as under `blink_emotion`, which
-    /// is the request's own emotion unless only the strength of that is varied.
+    /// Applies the controls of `request` to the sampled motion. Blinks come as often as under
+    /// `blink_emotion`. This is the request's own emotion, unless only its strength is varied.
     ///
     /// # Errors
     /// Those of the system.
@@ -163,8 +166,9 @@ pub trait System: Send + Sync {
         Ok(sampled.clone())
     }
 
-    /// The system's own motion that follows landmarks of the mean face, whatever made these, on a face with such
-    /// `controls`; the landmarks themselves where it has no model for that.
+    /// Makes the system's own motion from landmarks of the mean face, whatever made them, for a
+    /// face with these `controls`. Returns the landmarks themselves if the system has no model for
+    /// that.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -178,14 +182,14 @@ pub trait System: Send + Sync {
         Ok(Motion::Landmarks(landmarks.clone()))
     }
 
-    /// The system's own way to spread landmark motion over a face with such `controls`; `None` where that of
-    /// [`crate::deform`] serves.
+    /// The system's own decoder, which spreads landmark motion over a face with these `controls`.
+    /// `None` if the decoder of [`crate::deform`] serves.
     fn decoder(&self, controls: &Controls) -> Option<&dyn Decoder> {
         let _ = controls;
         None
     }
 
-    /// Motion while somebody is speaking, where the system can do that.
+    /// A stream that makes motion while somebody is speaking, if the system can do that.
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         None
     }

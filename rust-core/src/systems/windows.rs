@@ -1,4 +1,4 @@
-//! Runs networks with windows of a fixed length on a sound of any length.
+//! Runs networks that take windows of a fixed length on a sound of any length.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! CLIP's tokenizer: byte pairs (Sennrich et al. 2016) over the bytes of words in small letters.
 //!
-//! Our own hundred lines rather than the crate `tokenizers`, which brings models, trainers and a regular-expression
-//! engine for what is one table and one loop here.
+//! We do not use the crate `tokenizers`: it brings models, trainers and a regular-expression
+//! engine, while one table and one loop, a hundred lines, are enough here.
 
 use std::{collections::HashMap, path::Path};
 
@@ -10,14 +10,15 @@ use crate::{
     job::{InputKind, read_text},
 };
 
-/// Closes a word's last symbol.
+/// The end of a word's last symbol.
 const END_OF_WORD: &str = "</w>";
 const START: &str = "<|startoftext|>";
 const END: &str = "<|endoftext|>";
-/// What apostrophes begin in English, apart from the word before.
+/// English endings that start with an apostrophe. Each is separate from the word before it.
 const SHORTENED: [&str; 7] = ["'s", "'t", "'re", "'ve", "'m", "'ll", "'d"];
 
-/// Numbers of symbols, and which of two neighbouring pairs is joined first.
+/// The number of each symbol, and the rank of each pair. The pair with the lowest rank is joined
+/// first.
 #[derive(Debug, Clone)]
 pub(super) struct BytePairs {
     numbers: HashMap<String, usize>,
@@ -27,10 +28,11 @@ pub(super) struct BytePairs {
 }
 
 impl BytePairs {
-    /// Reads `vocab.json` and `merges.txt`; `size` is the number of rows that the network has for symbols.
+    /// Reads `vocab.json` and `merges.txt`. `size`: how many rows the network has for symbols.
     ///
     /// # Errors
-    /// `Io` if one cannot be read, `Weights` if one is damaged or names a symbol beyond `size`.
+    /// `Io` if a file cannot be read, `Weights` if one is damaged or gives a symbol a number of
+    /// `size` or more.
     pub(super) fn load_folder(folder: &Path, size: usize) -> Result<Self> {
         let read = |name: &str| read_text(&folder.join(name), InputKind::Text);
         let bad = |file: &str, what: String| {
@@ -66,7 +68,8 @@ impl BytePairs {
         })
     }
 
-    /// Numbers of a text's symbols between those of start and end, `most` at most: what is beyond is not read.
+    /// The number of the start, the numbers of a text's symbols, and the number of the end: `most`
+    /// numbers at most. The rest of the text is not read.
     pub(super) fn of(&self, text: &str, most: usize) -> Vec<usize> {
         let small = text.to_lowercase();
         let symbols = words(&small).flat_map(|word| self.joined(word));
@@ -79,7 +82,8 @@ impl BytePairs {
             .collect()
     }
 
-    /// The symbols of a word: its bytes, of which neighbours are joined, those first that were learned first.
+    /// The symbols of a word. Starts with its bytes and joins neighbouring pairs, in the order in
+    /// which the pairs were learned.
     fn joined(&self, word: &str) -> Vec<String> {
         let mut symbols: Vec<String> = word.bytes().map(|byte| letter(byte).into()).collect();
         symbols
@@ -105,7 +109,7 @@ impl BytePairs {
     }
 }
 
-/// Runs of letters, single digits, runs of other signs, and [`SHORTENED`].
+/// Splits a text into runs of letters, single digits, runs of other signs, and [`SHORTENED`].
 fn words(text: &str) -> impl Iterator<Item = &str> {
     let mut rest = text;
     std::iter::from_fn(move || {
@@ -130,7 +134,8 @@ fn words(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// The letter that stands for a byte: itself where it is visible in Latin-1, else one beyond it.
+/// The letter that stands for a byte: the byte's own if it is visible in Latin-1, else one beyond
+/// Latin-1.
 fn letter(byte: u8) -> char {
     let is_visible = |byte: u8| matches!(byte, b'!'..=b'~' | 0xa1..=0xac | 0xae..=0xff);
     match is_visible(byte) {

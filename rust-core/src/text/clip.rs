@@ -1,5 +1,5 @@
-//! The text tower of CLIP (Radford et al. 2021) from a user's Hugging Face folder: what Cafe-Talk hears texts by
-//! (Chen et al. 2025, appendix E). Names of layers are the checkpoint's own.
+//! The text tower of CLIP (Radford et al. 2021) from a user's Hugging Face folder. Cafe-Talk reads
+//! texts with it (Chen et al. 2025, appendix E). Names of layers are the checkpoint's own.
 
 use std::path::Path;
 
@@ -20,7 +20,8 @@ use crate::{
     },
 };
 
-/// What the text tower needs of `config.json`; Hugging Face leaves out what is as in ViT-B/32.
+/// The fields of `config.json` that the text tower needs. Hugging Face leaves out a field whose
+/// value is that of ViT-B/32.
 #[derive(Debug, Deserialize)]
 #[serde(default)]
 struct Config {
@@ -59,7 +60,7 @@ enum Activation {
     Gelu,
 }
 
-/// A text becomes one place.
+/// Turns a text into one place in CLIP's space.
 #[derive(Debug, Clone)]
 pub(super) struct ClipText {
     tokens: BytePairs,
@@ -83,12 +84,12 @@ struct Layer {
 }
 
 impl ClipText {
-    /// Reads `config.json`, `vocab.json`, `merges.txt`, and `model.safetensors` or `pytorch_model.bin`; pictures'
-    /// weights may stand beside the text's.
+    /// Reads `config.json`, `vocab.json`, `merges.txt`, and `model.safetensors` or
+    /// `pytorch_model.bin`. The weights of the image tower may be in the same file.
     ///
     /// # Errors
-    /// `Io` if a file cannot be read, `Weights` if one is damaged, they do not fit each other, or the folder holds
-    /// another model.
+    /// `Io` if a file cannot be read. `Weights` if a file is damaged, if the files do not fit each
+    /// other, or if the folder holds another model.
     pub(super) fn load_folder(folder: &Path) -> Result<Self> {
         let path = folder.join("config.json");
         let text = read_text(&path, InputKind::Text)?;
@@ -118,12 +119,13 @@ impl ClipText {
         })
     }
 
-    /// Numbers of a feature.
+    /// How many numbers a place holds.
     pub(super) fn width(&self) -> usize {
         self.projection.outputs()
     }
 
-    /// Place `[D]` of a text, of length 1. What is beyond `max_position_embeddings` symbols is not read.
+    /// Place `[D]` of a text, a vector of length 1. Symbols beyond `max_position_embeddings` are
+    /// not read.
     pub(super) fn of(&self, text: &str) -> Array1<f32> {
         let numbers = self.tokens.of(text, self.positions.nrows());
         let shape = (numbers.len(), self.symbols.ncols());
@@ -133,7 +135,7 @@ impl ClipText {
         for layer in &self.layers {
             x = layer.forward(x);
         }
-        // The last symbol has seen all others.
+        // The last symbol has attended to all others.
         let last = x.slice(ndarray::s![-1.., ..]).to_owned();
         let place = self.projection.forward(&self.norm.forward(&last));
         let place = place.row(0).to_owned();
@@ -216,7 +218,7 @@ mod tests {
         text::TextUnits,
     };
 
-    /// The golden as a Hugging Face folder.
+    /// Writes the golden as a Hugging Face folder.
     fn folder(golden: &Golden) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, key: &str| {

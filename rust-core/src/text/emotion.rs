@@ -1,4 +1,4 @@
-//! Emotions in words that are none of the categories.
+//! Understands words for emotions that are not among the categories.
 
 use ndarray::{Array1, ArrayView2};
 
@@ -7,12 +7,12 @@ use crate::{Error, Result, conditions::EMOTIONS};
 
 /// A word less similar to every category than this names no emotion.
 const LEAST_COSINE: f32 = 0.25;
-/// Sweeps over the categories, after which the shares no longer change.
+/// After this many sweeps over the categories the shares no longer change.
 const SWEEPS: usize = 200;
 
 impl TextUnits {
-    /// Finds shares of [`EMOTIONS`], which sum to 1, whose mixture of places comes nearest to the
-    /// place of a word: least squares with no share below 0. A category gives itself.
+    /// Finds the mixture of [`EMOTIONS`] whose place comes nearest to the place of a word, by least
+    /// squares with no share below 0. The shares sum to 1. A category gives itself.
     ///
     /// ```
     /// use anyface::{conditions::{EMOTIONS, Emotion}, text::TextUnits};
@@ -62,7 +62,7 @@ impl TextUnits {
     }
 }
 
-/// Coordinate descent on `‖place − xᵀ emotions‖²` with x ≥ 0, then shares of the sum.
+/// Minimises `‖place − xᵀ emotions‖²` with x ≥ 0 by coordinate descent, then divides x by its sum.
 fn shares(place: &Array1<f32>, emotions: ArrayView2<'_, f32>) -> [f32; 15] {
     let (gram, goal) = (emotions.dot(&emotions.t()), emotions.dot(place));
     let mut x = Array1::<f32>::zeros(EMOTIONS.len());

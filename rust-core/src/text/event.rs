@@ -1,4 +1,4 @@
-//! Expressions and events whose units are texts.
+//! Reads expressions and events whose units are given as text.
 
 use std::{
     path::{Path, PathBuf},
@@ -14,7 +14,7 @@ use crate::{
     job::{InputKind, read_text},
 };
 
-/// Reads expressions and events. The model of texts is loaded for the first text that needs it.
+/// Reads expressions and events. It loads the text model for the first text that needs it.
 #[derive(Debug, Default)]
 pub struct Reader {
     models: Option<PathBuf>,
@@ -22,7 +22,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// With the built-in model of texts, or that of the folder `text_units` in `models`.
+    /// Uses the built-in text model, or that of the folder `text_units` in `models`.
     pub fn new(models: Option<&Path>) -> Reader {
         Reader {
             models: models.map(Path::to_owned),
@@ -30,7 +30,7 @@ impl Reader {
         }
     }
 
-    /// The folder of its models.
+    /// The folder of the user's models, if there is one.
     pub fn models(&self) -> Option<&Path> {
         self.models.as_deref()
     }
@@ -45,8 +45,8 @@ impl Reader {
 
     /// Reads units, words of the menu, or a text; see [`Expression::parse`].
     ///
-    /// The amounts in a text multiply the strength. The strongest unit counts, since an expression
-    /// has one strength.
+    /// The amounts in a text multiply the strength. An expression has only one strength, so the
+    /// strongest unit of the text sets it.
     ///
     /// # Errors
     /// Those of [`Expression::parse`]; `InvalidInput`, with the nearest known expression, for a
@@ -79,7 +79,7 @@ impl Reader {
     /// may be missing. `units` may be one expression, such as "left wink".
     ///
     /// # Errors
-    /// `InvalidInput` that names the row, what it should hold and what it holds.
+    /// `InvalidInput`, which names the row and says what it should hold and what it holds.
     pub fn events_of_json(&self, text: &str) -> Result<Vec<Event>> {
         #[derive(Deserialize)]
         #[serde(untagged)]
@@ -121,7 +121,7 @@ impl Reader {
         Ok(event)
     }
 
-    /// Events of a JSON file; see [`Reader::events_of_json`].
+    /// Reads events from a JSON file; see [`Reader::events_of_json`].
     ///
     /// # Errors
     /// `Io`, and those of [`Reader::events_of_json`].
@@ -131,7 +131,8 @@ impl Reader {
     }
 }
 
-/// Events as JSON that [`Reader::events_of_json`] reads: every row with a list of units and all its fields.
+/// Writes events as JSON that [`Reader::events_of_json`] reads. Every row has all fields and lists
+/// its units.
 pub fn events_to_json(events: &[Event]) -> String {
     let row = |event: &Event| Row {
         start_s: event.slot_s[0],

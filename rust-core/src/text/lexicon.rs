@@ -4,7 +4,7 @@ use super::sentence::{Clause, SaidSide};
 use crate::conditions::ActionUnit;
 
 /// Phrases and the units that they stand for. Each word may have any of its forms (`|` between
-/// them). Longer phrases come before shorter ones.
+/// them). An earlier phrase takes its words away from later ones.
 const PHRASES: [(&str, &str); 12] = [
     ("press|presses|pressed|pressing lip|lips", "23"),
     ("lip|lips press|presses|pressed|pressing", "23"),
@@ -25,7 +25,7 @@ const PHRASES: [(&str, &str); 12] = [
     ("funnel|funnels|funnelled|funneled", "22"),
     ("eyes up|upwards|heavenwards", "63"),
 ];
-/// Verbs of looking: a side or a height beside one says where the eyes go.
+/// Verbs of looking. A side or a height in the same clause says where the eyes go.
 const LOOKS: &str = "look|looks|looked|looking|glance|glances|glanced|glancing|gaze|gazes|gazed|gazing|stares|stared|staring|peers|eyes|roll|rolls|rolled|rolling";
 const HEIGHTS: [(&str, &str); 2] = [
     ("up|upward|upwards|above|skyward|skywards|ceiling", "63"),
@@ -34,7 +34,7 @@ const HEIGHTS: [(&str, &str); 2] = [
 const SIDES: [(SaidSide, &str); 2] = [(SaidSide::Left, "61"), (SaidSide::Right, "62")];
 
 /// Finds the units of words in a clause, as numbers of [`crate::conditions::ACTION_UNITS`], and
-/// removes these words from it. A clause with a denial has none.
+/// removes these words from it. A clause with denied words has none.
 pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
     let mut units = Vec::new();
     if !clause.denied.is_empty() {
@@ -66,7 +66,7 @@ pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
                 && stand.clone().all(|(word, forms)| is_form(word, forms))
         };
         let adjoining = (0..words.len()).find(is_here);
-        // "Presses her lips": words without a meaning of their own may come between.
+        // "Presses her lips": one other word may stand between the two of a phrase.
         let apart = || {
             let first = words.iter().position(|word| is_form(word, forms[0]))?;
             let last = words

@@ -1,8 +1,8 @@
-//! Words about faces: their places in a text space, and the action units in a text.
+//! Understands words about faces: their places in a text space, and the action units in a text.
 //!
-//! The space comes from WordNet (`training/text/space.py`): synonyms lie together, opposites apart.
-//! The tower is that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E), on this space or on CLIP
-//! from a user's folder.
+//! The space comes from WordNet (`training/text/space.py`). Synonyms lie together in it, opposites
+//! apart. The tower is that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E). It reads places
+//! in this space or the output of CLIP from a user's folder.
 //!
 //! ```
 //! use anyface::{conditions::Side, text::TextUnits};
@@ -46,14 +46,14 @@ pub use event::{Reader, events_to_json};
 /// The built-in text space and tower.
 #[cfg(feature = "cafe-talk")]
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_cafe_talk::TEXT_UNITS);
-/// A folder may hold the model of words.
+/// The text space and tower, which only a models folder may hold in this build.
 #[cfg(not(feature = "cafe-talk"))]
 pub static MODEL: BuiltIn = BuiltIn::absent("text_units", None);
-/// Most letters of a text: a line describes a face, and each clause costs a run of the tower.
+/// The most letters of a text. One line describes a face, and each clause costs a run of the tower.
 const LONGEST_TEXT: usize = 1_000;
-/// Least confidence of a unit in a text.
+/// A unit shows if its confidence is above this.
 const THRESHOLD: f32 = 0.5;
-/// Least cosine between a text and an expression that may be its hint.
+/// An expression may serve as a hint if its cosine to every word of the text is at least this.
 const HINTED_FROM: f32 = 0.25;
 
 /// Reads texts as action units.
@@ -65,7 +65,7 @@ pub struct TextUnits {
     /// `[15, D]`.
     emotions: Array2<f32>,
     menu: Vec<String>,
-    /// Strength for the tower's largest output.
+    /// The strength of a unit for the tower's largest output.
     full: f32,
     strength: [f32; 2],
 }
@@ -76,7 +76,7 @@ pub struct Understood {
     /// Number in [`ACTION_UNITS`], side, strength (1 is the model's own) and confidence (0.5 to 1),
     /// in ascending order of the number, each unit once.
     pub units: Vec<(usize, Side, f32, f32)>,
-    /// The nearest known expression, where the text has no unit and one is near.
+    /// The nearest known expression, if the text has no unit and an expression is near enough.
     pub hint: Option<String>,
 }
 
@@ -90,7 +90,7 @@ struct Config {
     full: f32,
     strength: [f32; 2],
     rules: Lists,
-    /// Path of CLIP's folder from the model's folder, where the tower was trained on CLIP.
+    /// Path of CLIP's folder, relative to the model's folder, if the tower was trained on CLIP.
     #[serde(default)]
     clip: Option<PathBuf>,
     menu: Vec<String>,
@@ -98,7 +98,7 @@ struct Config {
 }
 
 impl TextUnits {
-    /// The built-in model, or that of the folder `text_units` in `folder`.
+    /// Loads the built-in model, or that of the folder `text_units` in `folder`.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`] and [`TextUnits::load`].
@@ -108,12 +108,12 @@ impl TextUnits {
         TextUnits::load(&weights, &files.config, &place.unwrap_or_default())
     }
 
-    /// From arrays and the text of `config.json`. `place`: the model's folder, from which the
-    /// config's path starts.
+    /// Loads the model from its arrays and the text of `config.json`. `place`: the model's folder,
+    /// to which the path in the config is relative.
     ///
     /// # Errors
-    /// `Weights` if either is damaged or they do not fit each other; `Io` and `Weights` of CLIP's folder where the
-    /// config names one.
+    /// `Weights` if either is damaged or they do not fit each other. `Io` and `Weights` for CLIP's
+    /// folder if the config names one.
     pub fn load(weights: &Weights, config: &str, place: &Path) -> Result<Self> {
         let bad = |what: String| Error::Weights(format!("{}/config.json: {what}", MODEL.name));
         let config: Config = serde_json::from_str(config).map_err(|e| bad(e.to_string()))?;
@@ -143,7 +143,8 @@ impl TextUnits {
         })
     }
 
-    /// Place `[D]` of a word, or the mean over the words of a text. `None` where no word is known.
+    /// Place `[D]` of a word, or the mean over the words of a text. `None` for a text without words
+    /// that have a meaning of their own.
     pub fn place(&self, text: &str) -> Option<Array1<f32>> {
         let clauses = self.rules.clauses(text);
         let words: Vec<&String> = clauses.iter().flat_map(Clause::all_words).collect();
@@ -154,7 +155,7 @@ impl TextUnits {
         Some(sum / words.len() as f32)
     }
 
-    /// The units in a text.
+    /// Finds the units in a text.
     ///
     /// # Errors
     /// `InvalidInput` for a text of more than 1,000 letters.
@@ -165,7 +166,7 @@ impl TextUnits {
         for clause in self.rules.clauses(text) {
             let clause_units = self.units_of(&clause);
             match (clause_units.is_empty(), side_of(clause.side)) {
-                // "Winks, the right eye": the side belongs to the clause before.
+                // "Winks, the right eye": the side belongs to the clause before it.
                 (true, Some(side)) => set_side(&mut latest, side),
                 (true, None) => (),
                 (false, _) => {
@@ -186,11 +187,11 @@ impl TextUnits {
         })
     }
 
-    /// [`TextUnits::understand`], for callers who need a unit.
+    /// Like [`TextUnits::understand`], for callers that need at least one unit.
     ///
     /// # Errors
-    /// Those of [`TextUnits::understand`]; `InvalidInput` for a text without a unit: names the
-    /// text, what was expected and the nearest expression.
+    /// Those of [`TextUnits::understand`]; `InvalidInput` for a text without a unit, which names
+    /// the text, what was expected and the nearest expression.
     pub fn understood_or_error(&self, text: &str) -> Result<Understood> {
         let understood = self.understand(text)?;
         if !understood.units.is_empty() {
@@ -246,8 +247,8 @@ impl TextUnits {
             .collect()
     }
 
-    /// The expression of the menu that is nearest to the text. Its farthest word counts: of "the
-    /// blue car", blue is near to sorrow, but car is near to nothing.
+    /// The expression of the menu that is nearest to the text. The word that lies farthest from the
+    /// expression counts: in "the blue car", blue is near to sorrow, but car is near to nothing.
     fn hint(&self, text: &str) -> Option<String> {
         let clauses = self.rules.clauses(text);
         let words: Vec<Array1<f32>> = clauses
@@ -299,8 +300,8 @@ fn set_side(units: &mut [(usize, Side, f32, f32)], side: Side) {
     }
 }
 
-/// Merges units: each once, with its largest strength and confidence. A unit of both sides in
-/// different places is on both.
+/// Merges units, so that each occurs once, with its largest strength and confidence. A unit that
+/// occurs with different sides is on both.
 fn merged(mut units: Vec<(usize, Side, f32, f32)>) -> Vec<(usize, Side, f32, f32)> {
     units.sort_by_key(|unit| unit.0);
     units.dedup_by(|next, previous| {
@@ -319,7 +320,7 @@ fn merged(mut units: Vec<(usize, Side, f32, f32)>) -> Vec<(usize, Side, f32, f32
     units
 }
 
-/// Cosine of the angle between two places; 0 where one is the origin.
+/// Cosine of the angle between two places; 0 if one of them is the origin.
 fn cosine(a: &Array1<f32>, b: &Array1<f32>) -> f32 {
     let size = (a.dot(a) * b.dot(b)).sqrt();
     a.dot(b) / size.max(f32::MIN_POSITIVE)

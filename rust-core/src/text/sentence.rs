@@ -1,13 +1,13 @@
 //! Splits a sentence into clauses, and each clause into meaningful and denied words, a side and an
 //! amount.
 //!
-//! Twin of `training/text/sentences.py`, whose lists are in the model's `config.json`.
+//! Does the same as `training/text/sentences.py`, whose lists are in the model's `config.json`.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde::Deserialize;
 
-/// The lists in `config.json`: words with a space between them.
+/// The lists in `config.json`. Each holds words with spaces between them.
 #[derive(Deserialize)]
 pub(super) struct Lists {
     breaks: String,
@@ -17,7 +17,7 @@ pub(super) struct Lists {
     one_sided: String,
     unheard: String,
     parts: String,
-    /// By the factor, as text.
+    /// The words of each factor of strength. The key is the factor as text.
     amounts: BTreeMap<String, String>,
 }
 
@@ -44,17 +44,17 @@ pub(super) enum SaidSide {
 #[derive(Debug, Clone)]
 pub(super) struct Rules {
     roles: HashMap<String, Role>,
-    /// Parts of a face. "No raised eyebrows" denies a movement and names no other.
+    /// Parts of a face. "No raised eyebrows" denies a movement and does not ask for another one.
     parts: HashSet<String>,
 }
 
 /// A part of a sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clause {
-    /// The clause without sides and amounts, a space between its words.
+    /// The clause without sides and amounts, with a space between its words.
     pub said: String,
     pub words: Vec<String>,
-    /// Words after a denial. Empty where one of them is a part of a face.
+    /// Words after a denial. Empty if one of them is a part of a face.
     pub denied: Vec<String>,
     pub side: Option<SaidSide>,
     /// Factor of strength.
@@ -62,7 +62,7 @@ pub(super) struct Clause {
 }
 
 impl Rules {
-    /// `Err` names an amount that is no number.
+    /// Returns `Err` for an amount that is not a number, and names it.
     pub(super) fn new(lists: &Lists) -> Result<Self, String> {
         let mut roles = HashMap::new();
         for (words, role) in [
@@ -89,7 +89,7 @@ impl Rules {
         Ok(Rules { roles, parts })
     }
 
-    /// The clauses of a text; at least one, which may be empty.
+    /// Splits a text into clauses. There is at least one, which may be empty.
     pub(super) fn clauses(&self, text: &str) -> Vec<Clause> {
         let mut parsed = vec![Clause::new()];
         let mut denies = false;
@@ -161,7 +161,8 @@ fn hear(clause: &mut Clause, token: String, role: Option<Role>, denies: bool) {
     }
 }
 
-/// Splits a text into words in small letters and marks that end clauses. `n't` becomes `not`.
+/// Splits a text into words in small letters and punctuation that ends clauses. `n't` becomes
+/// `not`.
 fn tokens(text: &str) -> Vec<String> {
     let plain = text.to_lowercase().replace('\u{2019}', "'");
     let plain = plain.replace("n't", " not").replace('\'', " ");
@@ -182,7 +183,7 @@ fn tokens(text: &str) -> Vec<String> {
     pieces
 }
 
-/// a to z, and everything beyond Latin-1 except general and ideographic punctuation.
+/// Accepts a to z, and everything from À (U+00C0) on except general and ideographic punctuation.
 fn is_letter(c: char) -> bool {
     let mark = ('\u{2000}'..='\u{206f}').contains(&c) || ('\u{3000}'..='\u{303f}').contains(&c);
     c.is_ascii_lowercase() || (c >= '\u{c0}' && !mark)

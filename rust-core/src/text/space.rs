@@ -1,6 +1,7 @@
-//! Places of words: known ones, inflected ones, and the rest by their letters.
+//! Places of words. A known word has its own, an inflected one that of its stem, and any other word
+//! gets one from its letters.
 //!
-//! Twin of `training/text/words.py`.
+//! Does the same as `training/text/words.py`.
 
 use std::collections::HashMap;
 
@@ -10,7 +11,8 @@ use crate::{Result, models::Weights};
 
 /// Lengths of the n-grams.
 const NGRAMS: [usize; 3] = [3, 4, 5];
-/// English endings, what stands instead of them in the stem, in the order in which they are tried.
+/// English endings and the letters that replace them in the stem, in the order in which they are
+/// tried.
 const ENDINGS: [(&str, &str); 11] = [
     ("ies", "y"),
     ("es", ""),
@@ -24,7 +26,7 @@ const ENDINGS: [(&str, &str); 11] = [
     ("er", ""),
     ("est", ""),
 ];
-/// Letters that a stem has at least.
+/// The least number of letters before an ending.
 const LEAST_STEM: usize = 3;
 
 /// Words of a text space and their places, `D` numbers each.
@@ -33,12 +35,12 @@ pub(super) struct Space {
     rows: HashMap<String, usize>,
     /// `[W, D]`.
     vectors: Array2<f32>,
-    /// `[G, D]`, of the n-grams whose hash ends alike.
+    /// `[G, D]`. All n-grams whose hash has the same remainder modulo `G` share a row.
     ngrams: Array2<f32>,
 }
 
 impl Space {
-    /// Reads `vectors` and `ngrams`; `words` in the order of the rows.
+    /// Reads `vectors` and `ngrams`. `words`: in the order of the rows.
     ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
@@ -63,7 +65,8 @@ impl Space {
         self.vectors.ncols()
     }
 
-    /// Place `[D]` of a word in small letters, one at least: its own, that of its stem, or the mean of its n-grams.
+    /// Place `[D]` of a word in small letters, at least one: the word's own, that of its stem, or
+    /// the mean of its n-grams.
     pub(super) fn of(&self, word: &str) -> Array1<f32> {
         match self.known_form(word) {
             Some(row) => self.vectors.row(row).to_owned(),
@@ -71,12 +74,13 @@ impl Space {
         }
     }
 
-    /// Whether it has the word or its stem, and does not go by its letters.
+    /// Whether the space has the word or its stem, so that its place does not come from its
+    /// letters.
     pub(super) fn knows(&self, word: &str) -> bool {
         self.known_form(word).is_some()
     }
 
-    /// The row of the word, or of its stem by English endings.
+    /// The row of the word, or of its stem without an English ending.
     fn known_form(&self, word: &str) -> Option<usize> {
         if let Some(row) = self.rows.get(word) {
             return Some(*row);
@@ -110,7 +114,8 @@ impl Space {
     }
 }
 
-/// `hopp` without its last letter, where that is doubled and more than three stand there.
+/// Takes the last letter from a stem such as `hopp`, if it is doubled and the stem has more than
+/// three.
 fn undoubled(stem: &str) -> Option<&str> {
     let mut last = stem.char_indices().rev();
     let ((at, a), (_, b)) = (last.next()?, last.next()?);

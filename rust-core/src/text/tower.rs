@@ -1,6 +1,7 @@
-//! The text tower of Cafe-Talk (Chen et al. 2025, appendix E), on the text space or, as the paper has it, on CLIP.
+//! The text tower of Cafe-Talk (Chen et al. 2025, appendix E), on the text space or, as in the
+//! paper, on CLIP.
 //!
-//! Twin of `training/text/tower.py`, layer by layer.
+//! Has the same layers as `training/text/tower.py`.
 
 use ndarray::{Array1, Array2, Axis};
 
@@ -12,20 +13,20 @@ use crate::{
     nn::{elementwise::sigmoid, linear::Linear},
 };
 
-/// Rows of the head's output: it shows, on one side alone, how strong.
+/// Rows of the head's output: whether a unit shows, whether on one side only, and how strongly.
 const ASKED: usize = 3;
 
-/// What a clause is to the tower.
+/// How the tower reads a clause.
 #[derive(Debug, Clone)]
 enum Heard {
-    /// The mean of its words, weighed by a learned score, and that of the denied ones; the weight of the origin in
-    /// both.
+    /// The mean of its words and the mean of its denied words, both weighted by a learned score.
+    /// The number is the weight of the origin in both means.
     Words(Linear, f32),
-    /// What CLIP makes of all that it says.
+    /// CLIP's feature of the clause as text.
     Clip(Box<ClipText>),
 }
 
-/// Clauses to logits.
+/// Turns clauses into logits.
 #[derive(Debug, Clone)]
 pub(super) struct Tower {
     heard: Heard,
@@ -35,7 +36,7 @@ pub(super) struct Tower {
 }
 
 impl Tower {
-    /// On a text space `[W, width]`; `no_word` is the weight of the origin in a clause's mean.
+    /// Reads a text space `[W, width]`. `no_word`: the weight of the origin in a clause's means.
     ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
@@ -49,7 +50,7 @@ impl Tower {
         Tower::load(weights, Heard::Words(score, no_word), 2 * width, hidden)
     }
 
-    /// On CLIP's features.
+    /// Reads CLIP's features.
     ///
     /// # Errors
     /// As [`Tower::on_words`].
@@ -67,7 +68,7 @@ impl Tower {
         })
     }
 
-    /// Logits `[3, 16]`: the unit shows; it does on one side alone; its strength.
+    /// Logits `[3, 16]`: whether each unit shows, whether on one side only, and its strength.
     pub(super) fn forward(&self, clause: &Clause, space: &Space) -> Array2<f32> {
         let features: Array1<f32> = match &self.heard {
             Heard::Words(score, no_word) => {
@@ -88,7 +89,7 @@ impl Tower {
     }
 }
 
-/// Mean `[D]` of words, weighed by their scores; `no_word` is the weight of the origin.
+/// Mean `[D]` of words, weighted by their scores. `no_word`: the weight of the origin.
 fn mean(words: &[String], space: &Space, score: &Linear, no_word: f32) -> Array1<f32> {
     let mut sum = Array1::zeros(space.width());
     let mut total = no_word;

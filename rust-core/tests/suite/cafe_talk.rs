@@ -32,7 +32,7 @@ fn voice(seconds: f32) -> Waveform {
     }
 }
 
-/// A request with events as the command has them, and nothing that chance adds.
+/// A request with events in the form of the command line, and with nothing that chance adds.
 fn request_with(events: &[&str]) -> MotionRequest {
     let still = [
         "blinks_per_minute",
@@ -59,7 +59,7 @@ fn performed(seconds: f32, request: &MotionRequest) -> Performance {
     ENGINE.perform(&voice(seconds), request, SILENT).unwrap()
 }
 
-/// Closures belong to the frames of the part, not to the first frames of the sound.
+/// A part of a take has the closures of its own frames, not those of the first frames of the sound.
 #[test]
 fn a_part_of_a_take_moves_a_mesh_as_the_whole_does() {
     let request = MotionRequest {
@@ -89,7 +89,7 @@ fn weights(performance: &Performance) -> WeightClip {
     }
 }
 
-/// Mean of a shape over a stretch of seconds.
+/// Mean weight of a shape between two times in seconds.
 fn mean(clip: &WeightClip, name: &str, from_s: f64, to_s: f64) -> f32 {
     let frames = (from_s * FPS) as usize..(to_s * FPS) as usize;
     let column = clip.column(name).unwrap();

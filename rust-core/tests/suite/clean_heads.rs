@@ -1,4 +1,4 @@
-//! Heads of clean quads under the largest motions of a face.
+//! Tests heads of clean quads under the largest motions of a face.
 
 use anyface::{
     head::{HeadMaker, MadeHead},
@@ -12,7 +12,7 @@ fn of_seed(seed: u64) -> MadeHead {
     maker.mesh(&maker.random(seed), true).unwrap()
 }
 
-/// Triangles of the skin that face the other way afterwards and are visible from the front.
+/// Counts the triangles of the skin that a motion turns over and that are visible from the front.
 fn turned_over(head: &MadeHead, by: &Points) -> usize {
     let across = |[a, b, c]: [[f32; 3]; 3]| {
         let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|n| p[n] - a[n]));
@@ -64,7 +64,8 @@ fn shut_lids_meet_and_nothing_turns_over() {
             );
         }
         let turned = turned_over(&head, &by);
-        // Of 7,000 triangles; these few are the rims of lids, which roll.
+        // There are 7,000 triangles. The few that turn over are at the rims of the lids, which
+        // roll.
         assert!(turned <= 3, "seed {seed}: {turned}");
     }
 }
@@ -95,7 +96,7 @@ fn an_open_mouth_shows_teeth_and_turns_nothing_over() {
             middle("teeth_upper").abs() < 1e-3,
             "seed {seed}: the upper ones stay"
         );
-        // Of 7,000 triangles; these few lie in the corners of lids and lips.
+        // There are 7,000 triangles. The few that turn over lie in the corners of lids and lips.
         let turned = turned_over(&head, &by);
         assert!(turned <= 10, "seed {seed}: {turned}");
     }

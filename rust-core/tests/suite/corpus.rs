@@ -1,4 +1,4 @@
-//! Files that were fed to the fuzzers or found by them, through what the fuzzers do with them.
+//! Runs the fuzzers' targets on files that were fed to the fuzzers or found by them.
 
 use std::{fs, ops::Range, path::Path};
 
@@ -14,7 +14,7 @@ fn replay(folder: &str, target: fn(&[u8])) -> usize {
         .collect();
     paths.sort();
     for path in &paths {
-        // The name of the file that fails is the last one that is shown.
+        // The last name that is shown is that of the file that fails.
         println!("{}", path.display());
         target(&fs::read(path).unwrap());
     }
@@ -38,7 +38,7 @@ fn the_corpus_of_the_fuzzers_breaks_nothing() {
     replay("tests/fixtures", targets::sound);
 }
 
-/// Bytes from one number (SplitMix64).
+/// Random bytes from a seed (SplitMix64).
 fn noise(seed: u64, length: usize) -> Vec<u8> {
     let mut state = seed;
     let mut next = || {
@@ -51,7 +51,7 @@ fn noise(seed: u64, length: usize) -> Vec<u8> {
     (0..length).map(|_| next()).collect()
 }
 
-/// `ANYFACE_MUTATIONS` says how many, from `ANYFACE_MUTATIONS_FROM` on.
+/// Seeds of the mutations. `ANYFACE_MUTATIONS` sets how many, `ANYFACE_MUTATIONS_FROM` the first.
 fn mutations(usual: u64) -> Range<u64> {
     let number = |name: &str, usual: u64| {
         let set = std::env::var(name).ok();
@@ -61,7 +61,7 @@ fn mutations(usual: u64) -> Range<u64> {
     from..from + number("ANYFACE_MUTATIONS", usual)
 }
 
-/// Files of the corpus with one to eight bytes changed, cut short or repeated.
+/// Damages each file in one to six places: changes a byte, cuts off the end or repeats some bytes.
 #[test]
 fn damaged_files_of_every_kind_break_nothing() {
     let targets = [

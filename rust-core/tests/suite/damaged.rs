@@ -1,11 +1,11 @@
-//! Damage to a mesh must not change the result: the same motion on the damaged and on the sound
-//! head, vertex by vertex.
+//! Damage to a mesh must not change the result. The tests compare the same motion on the damaged
+//! and on the sound head, vertex by vertex.
 
 use anyface::mesh::{Mesh, PartChoices};
 
 use super::head::{LIDS, Points, closing, head, landmarks, mm, moved, opening, prepared, quantile};
 
-/// An open mouth under a blink: the largest motions that speech has.
+/// An open mouth together with a blink: the largest motions in speech.
 fn motion() -> Points {
     let (open, blink) = (opening(), closing(&landmarks(), &LIDS, 0.0));
     let both = open.iter().zip(&blink);
@@ -51,7 +51,7 @@ fn near_landmark(p: [f32; 3], within_mm: f32) -> bool {
     landmarks().iter().any(|&l| mm(l, p) < within_mm)
 }
 
-/// Faces of the head thinned by a rule over their number and centre.
+/// The head without the triangles that `drop` selects by their number and centre.
 fn without(drop: impl Fn(usize, [f32; 3]) -> bool) -> Mesh {
     let mut mesh = head();
     let centre = |t: &[u32; 3]| -> [f32; 3] {

@@ -38,7 +38,7 @@ fn voice(seconds: f32) -> Waveform {
     }
 }
 
-/// A request with some controls, and nothing that chance adds.
+/// A request with some controls, and with nothing that chance adds.
 fn request_with(controls: &[(&str, f32)]) -> MotionRequest {
     let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
     let still = still.iter().fold(Controls::default(), |controls, name| {
@@ -68,7 +68,7 @@ fn performed(request: &MotionRequest) -> Result<Array3<f32>> {
     }
 }
 
-/// Mean distance of landmarks, mm.
+/// Mean distance between the landmarks of two motions, mm.
 fn apart_mm(one: &Array3<f32>, other: &Array3<f32>) -> f32 {
     let squares = (one - other).mapv(|x| x * x);
     let distance = squares.sum_axis(ndarray::Axis(2)).mapv(f32::sqrt);
@@ -158,7 +158,7 @@ fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
         far(&on, 0),
         far(&rest, 0)
     );
-    // What came before is forgotten.
+    // At the end the pose at the start has no effect any more.
     let last = rest.len_of(ndarray::Axis(0)) - 1;
     let apart = (&on - &rest)
         .index_axis(ndarray::Axis(0), last)
@@ -166,7 +166,7 @@ fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
     assert!(1e3 * apart.mean().unwrap() < 0.5);
 }
 
-/// How far the landmark that moves most goes from each frame to the next, mm.
+/// The largest movement of a landmark from each frame to the next, mm.
 fn steps_mm(motion: &Array3<f32>) -> Vec<f32> {
     let frames = motion.outer_iter();
     let pairs = frames.clone().zip(frames.skip(1));
@@ -185,7 +185,7 @@ fn five_joined_shots_never_jump() {
         .iter()
         .enumerate()
     {
-        // With everything that is added to a performance: blinks, accents, effort, closed lips.
+        // Keeps everything that is added to a performance: blinks, accents, effort, closed lips.
         let request = MotionRequest {
             fps: 30.0,
             emotion: EmotionCurve::parse(emotion).unwrap(),
@@ -341,7 +341,7 @@ fn vertices_follow_the_template_but_for_lips_and_lids() {
         "{:?}",
         shares[at(48)]
     );
-    // Between a corner of the mouth and the contour lies a cheek.
+    // The cheek lies between the corner of the mouth and the contour.
     for (corner, contour) in [(48, 3), (54, 13)] {
         let ends = [corner, contour].map(|n| face.landmarks.positions[n]);
         let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (ends[0][i] + ends[1][i]));
@@ -353,8 +353,8 @@ fn vertices_follow_the_template_but_for_lips_and_lids() {
             .0;
         assert!(shares[cheek] > 0.9, "{}", shares[cheek]);
     }
-    // A motion of the whole template moves every vertex by its share and replaces the landmarks'
-    // motion there.
+    // The whole template moves by `by`. Every vertex gets its share of this motion, which replaces
+    // the same share of the landmarks' motion there.
     let by = ndarray::arr1(&[1e-3, -2e-3, 5e-4]);
     let vertices = template.mesh.positions.len();
     let motion = Array3::from_shape_fn((2, vertices, 3), |(t, _, axis)| t as f32 * by[axis]);
@@ -416,7 +416,7 @@ fn emotion_is_believed_at_the_brows_rather_than_at_the_lips() {
     let mask = mask_of(0..frames).unwrap();
     assert_eq!(mask.dim(), (face.mesh.positions.len(), frames));
     assert!(mask.iter().all(|w| (0.0..=1.0).contains(w)));
-    // Another frame alone is the same, and the mask changes over time.
+    // A frame alone has the same mask as in the whole take, and the mask changes over time.
     assert_eq!(mask_of(7..8).unwrap().column(0), mask.column(7));
     assert_ne!(mask.column(7), mask.column(frames - 1));
     let of_region = |range: std::ops::Range<usize>| {

@@ -51,7 +51,8 @@ fn what_is_asked_is_what_is_seen() {
         };
         let (full, most) = (shown(1.0), shown(1.5));
         assert!((0.95..1.12).contains(&full), "{emotion}: {full}");
-        // Brows and wide lids of anger and surprise cannot go further, so that they gain less.
+        // In anger and surprise, brows and wide lids cannot go further, so these emotions gain
+        // less.
         assert!((1.25..1.5 * 1.12).contains(&most), "{emotion}: {most}");
     }
 }

@@ -1,4 +1,4 @@
-//! FaceTalk through the engine: speech to the landmarks of a head that is a field.
+//! FaceTalk through the engine: it turns speech into landmarks of a head that is a field.
 
 use std::{
     f32::consts::PI,
@@ -40,7 +40,7 @@ static ENGINE: LazyLock<Engine> = LazyLock::new(|| {
 
 static HEAD: LazyLock<Arc<Head>> = LazyLock::new(|| Arc::new(Head::open(None).unwrap()));
 
-/// A request with some controls, and nothing that chance adds but the seed.
+/// A request with some controls, and with nothing that chance adds except through the seed.
 fn request_with(seed: u64, controls: &[(&str, f32)]) -> MotionRequest {
     let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
     let all = still.iter().map(|name| (*name, 0.0));
@@ -69,7 +69,7 @@ fn voice() -> Vec<f32> {
     babble(SECONDS, 16_000)
 }
 
-/// Deviation of the distance of the inner lips over time, mm.
+/// Standard deviation over time of the gap between the inner lips, mm.
 fn amplitude(motion: &Array3<f32>) -> f32 {
     let gap = &motion.slice(s![.., 62, 1]) - &motion.slice(s![.., 66, 1]);
     1e3 * gap.std(0.0)
@@ -120,7 +120,7 @@ fn styles_and_values_that_it_does_not_know_are_told() {
     refused(&style, "nobody");
 }
 
-/// A head at rest as a mesh of its own, metres.
+/// A random head at rest as a mesh, metres, and its coefficients.
 fn own_head(seed: u64) -> (MadeHead, Vec<f32>) {
     let coefficients = Head::random(seed);
     let one = HEAD.one(HEAD.identity_code(&coefficients).unwrap());
@@ -209,7 +209,7 @@ fn vertices_go_where_the_field_takes_them() {
     assert!(largest(&near) < 0.9 * largest(&moved) && largest(&near) > 0.0);
 }
 
-/// Codes and landmarks of a performance, spread over a face.
+/// Spreads a performance over a face. Returns the displacements and the notes of the report.
 fn spread(face: &Face) -> (Array3<f32>, Vec<String>) {
     let waveform = Waveform { samples: voice() };
     let performed = ENGINE
@@ -264,7 +264,8 @@ fn some_codes(frames: usize) -> Array2<f32> {
     Array2::from_shape_vec((frames, codes.len() / frames), codes).unwrap()
 }
 
-/// Landmarks of the mean face whose jaw opens, which smiles and raises its brows, once in two seconds.
+/// Landmarks of the mean face, which opens its jaw, smiles and raises its brows once in two
+/// seconds.
 fn moving_landmarks() -> LandmarkClip {
     let names = [
         "jawOpen",
@@ -285,7 +286,7 @@ fn moving_landmarks() -> LandmarkClip {
     ENGINE.landmarks_of(&Motion::Weights(clip)).unwrap()
 }
 
-/// Codes that follow landmarks.
+/// The codes that follow landmarks.
 fn codes_of(clip: &LandmarkClip) -> CodeClip {
     match ENGINE.follow(clip, &Controls::default(), SILENT).unwrap() {
         Motion::Codes(codes) => codes,
@@ -313,7 +314,7 @@ fn landmarks_lead_the_head_as_speech_does() {
     }
     assert!(way > 1.0 && off < 0.25 * way, "{off} of {way} m");
 
-    // At twice the rate the codes are the same: every other frame equals one of these.
+    // At twice the frame rate, every other frame has the codes of a frame at the single rate.
     let fast = codes_of(&clip.at_rate(50.0, 100));
     assert_eq!(fast.codes.nrows(), 100);
     let apart = (&fast.codes.slice(s![..;2, ..]) - &led.codes).mapv(f32::abs);
@@ -335,7 +336,7 @@ fn vertices_follow_the_field_under_landmarks_of_another_system() {
     });
     let with_field = prepared(&head.mesh, &head, 1.0);
     assert_eq!(both[0], shown(&with_field, &Motion::Codes(codes_of(&clip))));
-    // Landmarks without codes move vertices as landmarks, whatever the system.
+    // Landmarks without codes move the vertices by landmarks alone, even with this system.
     assert_eq!(both[1], shown(&with_field, &Motion::Landmarks(clip)));
     let apart = (&both[0] - &both[1])
         .iter()
@@ -343,7 +344,7 @@ fn vertices_follow_the_field_under_landmarks_of_another_system() {
     assert!((1e-4..2e-2).contains(&apart), "{apart} m");
 }
 
-/// Mean distance from each of some points to the nearest of a mesh.
+/// Mean distance from some points to the nearest vertices of a mesh.
 fn distance_to(points: &[[f32; 3]], mesh: &Mesh) -> f32 {
     let nearest = |p: &[f32; 3]| {
         let all = mesh.positions.iter().map(|q| distance(*p, q));
@@ -363,7 +364,7 @@ fn names(folder: &Path) -> Vec<String> {
 #[test]
 fn a_head_comes_as_a_surface_for_every_frame() {
     let (head, _) = own_head(6);
-    // Centimetres, elsewhere.
+    // The mesh is in centimetres and away from the origin.
     let mut mesh = head.mesh.clone();
     mesh.positions
         .iter_mut()
@@ -395,7 +396,7 @@ fn a_head_comes_as_a_surface_for_every_frame() {
     assert_eq!(names(folder.path()), ["frames"]);
 }
 
-/// How landmarks of the mean head move under codes, `[T, 68, 3]`.
+/// Displacements of the mean head's landmarks under codes, `[T, 68, 3]`.
 fn landmarks_under(codes: &Array2<f32>) -> Array3<f32> {
     let (places, rest) = HEAD.mean_landmarks().unwrap();
     let moved = codes
@@ -503,7 +504,7 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
         let row = rig.names.iter().position(|known| known == name).unwrap();
         rig.deltas.index_axis(ndarray::Axis(0), row)
     };
-    // Far from lips and lids the field alone moves the chin.
+    // The chin is far from lips and lids, so the field alone moves it.
     let one = HEAD
         .one(HEAD.identity_code(&coefficients).unwrap())
         .unwrap();
@@ -518,7 +519,7 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     let way = distance([0.0; 3], &truth);
     assert!(way > 0.01 && off < 0.1 * way, "{off} of {way} m");
 
-    // Lids go round the eye, and the jaw hardly bends.
+    // Lids move on a curve around the eye, while the path of the jaw hardly bends.
     let bent = |name: &str| {
         let halfway = shape(name).mapv(|x| 0.5 * x);
         let off = (&shape(&format!("{name}_half")) - &halfway).mapv(f32::abs);
@@ -530,7 +531,7 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
         bent("eyeBlinkLeft")
     );
     assert!(bent("jawOpen") > 1e-6 && bent("tongueOut") == 0.0);
-    // What mouthClose adds to an open jaw lifts the lower lip.
+    // `mouthClose` is added to an open jaw and lifts the lower lip.
     let lip = head.landmarks.vertices[57] as usize;
     assert!(shape("mouthClose")[[lip, 1]] > 0.005);
     let linear = ENGINE.rig(&face, ShapeSource::Network, SILENT).unwrap();

@@ -1,4 +1,4 @@
-//! What a face lacks rests: brows, one eye, a nose that were not found.
+//! Features of a face that were not found, such as brows or one eye, stay at rest.
 
 use anyface::{
     Face,
@@ -13,7 +13,7 @@ use crate::head::{self, LIDS, closing, mm};
 /// Confidence of a landmark that was not found.
 const NOT_FOUND: f32 = 0.2;
 
-/// The default head, some of whose landmarks were not found.
+/// The default head with some landmarks marked as not found.
 fn lacking(missing: impl Fn(usize) -> bool) -> Face {
     let source = LandmarkSource::read(&head::folder().join("landmarks.json")).unwrap();
     let LandmarkSource::Known(known) = source else {
@@ -34,7 +34,7 @@ fn lacking(missing: impl Fn(usize) -> bool) -> Face {
         .unwrap()
 }
 
-/// Millimetres by which the vertices of landmarks move.
+/// The largest movement among the vertices of some landmarks, millimetres.
 fn travel(face: &Face, moved: &[[f32; 3]], numbers: impl Iterator<Item = usize>) -> f32 {
     let of = |n: usize| mm(moved[face.landmarks.vertices[n] as usize], [0.0; 3]);
     numbers.map(of).fold(0.0, f32::max)

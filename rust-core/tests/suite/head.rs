@@ -76,8 +76,8 @@ pub fn opening() -> Points {
     motion
 }
 
-/// Upper and lower landmarks of mouth or lids move towards each other until they are `past` metres
-/// through one another.
+/// Upper and lower landmarks of mouth or lids move towards each other until they have passed each
+/// other by `past` metres.
 pub fn closing(landmarks: &[[f32; 3]], pairs: &[(usize, usize)], past: f32) -> Points {
     let mut motion = vec![[0.0; 3]; 68];
     for &(upper, lower) in pairs {

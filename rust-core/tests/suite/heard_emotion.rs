@@ -1,4 +1,4 @@
-//! An emotion that is heard and never invented: neutral strangers stay still, acted emotion shows.
+//! The ear hears emotion and invents none: neutral strangers stay still, and acted emotion shows.
 
 use std::path::PathBuf;
 
@@ -11,9 +11,9 @@ use anyface::{
     speech::{EmotionEar, NeutralVoice, VoiceTrack},
 };
 
-/// The intensity from which people see an emotion.
+/// People see an emotion from this intensity on.
 const SEEN: f32 = 0.2;
-/// What the letters in the names of emodb_de's recordings stand for.
+/// The emotions that the letters in the names of emodb_de's recordings stand for.
 const LETTERS: [(char, &str); 6] = [
     ('W', "angry"),
     ('F', "happy"),

@@ -1,4 +1,5 @@
-//! What no source of the library may do. `tests/imports.rs` checks the order of its folders.
+//! Checks that no source of the library breaks its rules. `tests/imports.rs` checks the order of
+//! the folders.
 
 use std::{fs, path::Path};
 
@@ -38,8 +39,8 @@ fn systems_do_not_import_each_other() {
     }
 }
 
-/// The first system other than `system` that `text` names after `systems::`. Modules are in small
-/// letters; what systems share, such as the trait, is not.
+/// The first system other than `system` that `text` names after `systems::`. Names of modules are
+/// in small letters. Names of items that systems share, such as the trait, are not.
 fn other_system<'a>(text: &'a str, system: &str) -> Option<&'a str> {
     let imports = text.split("systems::").skip(1).flat_map(|rest| {
         let (names, end) = match rest.strip_prefix('{') {
@@ -86,16 +87,16 @@ fn library_never_prints() {
     }
 }
 
-/// Only one place reads files: it knows limits and how to stop waiting.
+/// Only one place reads files, because it enforces limits and can stop waiting.
 #[test]
 fn files_are_read_in_one_place() {
     let others = [
         "job/input.rs",
-        // The system's own small files.
+        // Reads small files of the operating system.
         "job/memory.rs",
-        // The history of a batch, a line at a time, to which it also appends.
+        // Reads the history of a batch line by line, and appends to it.
         "batch/ledger.rs",
-        // What only tests read.
+        // Only tests read files here.
         "nn/golden.rs",
         "operators/fixtures.rs",
     ];

@@ -1,4 +1,5 @@
-//! What is kept of a mesh is named by the code that made it and, as a test of `BuiltIn` holds, by the weights.
+//! The name of a cached mesh depends on the code that made it, which these tests check. It also
+//! depends on the weights, which a test of `BuiltIn` checks.
 
 #[path = "../../build/sources.rs"]
 mod sources;
@@ -37,7 +38,7 @@ fn first_file(path: PathBuf) -> PathBuf {
     }
 }
 
-/// Whether a longer file gives another name.
+/// Whether a change in `file` changes the name.
 fn matters(root: &Path, file: &Path) -> bool {
     let before = digest(root).unwrap();
     let mut file = fs::File::options().append(true).open(file).unwrap();

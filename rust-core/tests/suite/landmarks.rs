@@ -1,4 +1,4 @@
-//! Finding landmarks on the default head, however it is turned, and refusing what is no face.
+//! Finds landmarks on the default head, however it is turned, and refuses meshes without a face.
 
 use std::{
     path::PathBuf,
@@ -49,7 +49,7 @@ fn find(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Landmarks, Error> {
     locate_landmarks(mesh, &options)
 }
 
-/// Median distance in units of `scale`, which makes it metres on a human head.
+/// Median distance in metres. `scale`: how many units of the mesh are a metre.
 fn median_miss_m(located: &Landmarks, truth: &[[f32; 3]], scale: f32) -> f32 {
     let mut miss: Vec<f32> = located
         .positions
@@ -67,7 +67,7 @@ fn landmarks_of_the_default_head_are_found_within_two_millimetres() {
     let miss = median_miss_m(&located, &truth(), 1.0);
     assert!(miss < 0.002, "median {miss} m");
     assert!(located.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
-    // On the surface, and the two lips apart.
+    // Landmarks lie on the surface, and the two lips have different vertices.
     let mesh = head();
     for (p, v) in located.positions.iter().zip(located.vertices) {
         let q = mesh.positions[v as usize];
@@ -111,7 +111,7 @@ fn a_head_with_its_winding_reversed_is_found() {
 
 #[test]
 fn a_head_turned_any_way_is_found_whatever_axes_are_stated() {
-    // Rotations by unit quaternions, row by row.
+    // Rotation matrices, row by row.
     for turn in [
         [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
         [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
@@ -128,7 +128,7 @@ fn a_head_turned_any_way_is_found_whatever_axes_are_stated() {
 #[test]
 fn fixed_landmarks_stay_and_the_others_follow() {
     let free = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
-    // The corners of the mouth half a centimetre further down on the skin.
+    // Fixes the corners of the mouth half a centimetre further down on the skin.
     let lower = |i: usize| {
         let [x, y, z] = free.positions[i];
         FixedLandmark {
@@ -261,7 +261,7 @@ fn the_back_of_a_head_is_not_taken_for_a_face() {
     }
 }
 
-/// An open hand: a palm, a wrist and five fingers, ellipsoids each.
+/// An open hand: a palm, a wrist and five fingers, each an ellipsoid.
 fn hand() -> Mesh {
     let mut mesh = Mesh::default();
     let mut limb = |centre: [f32; 3], radii: [f32; 3], lean: f32| {

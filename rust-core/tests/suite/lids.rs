@@ -1,4 +1,4 @@
-//! Blinks under several emotions: shut eyes are shut, and no eyeball comes through a lid.
+//! Tests blinks under several emotions: eyes shut completely, and no eyeball comes through a lid.
 
 use anyface::{
     Face,
@@ -23,11 +23,12 @@ use crate::{
 
 const FPS: f64 = 30.0;
 const FRAMES: usize = 120;
-/// Shares of the eyeballs' visible area at rest.
+/// Shut eyes show less than this share of the eyeballs' visible area at rest.
 const SHUT: f64 = 0.05;
+/// Less than this share of that area may show through the lids.
 const THROUGH_LIDS: f64 = 0.005;
 
-/// A silent face with an emotion that blinks often.
+/// A silent face that shows an emotion and blinks often.
 fn blinking(emotion: &str) -> LandmarkClip {
     let affect = EmotionCurve::parse(emotion).unwrap().sample(FRAMES, FPS);
     let expressions = Expressions::open(None).unwrap();
@@ -55,7 +56,7 @@ fn blinking(emotion: &str) -> LandmarkClip {
     modes.apply_controls(&still, &cues, &controls).unwrap()
 }
 
-/// By which share both eyes should close.
+/// The share by which both eyes should close: that of the eye that closes less.
 fn requested_closure(frame: ArrayView2<'_, f32>) -> f32 {
     let modes = FaceModes::open(None).unwrap();
     let way = |pairs: &[(usize, usize)], moved: ArrayView2<'_, f32>| -> f32 {
@@ -97,7 +98,7 @@ impl Eyes {
     }
 }
 
-/// The visible area of the eyeballs in each frame, and at rest, where +z is out of the face.
+/// The visible area of the eyeballs in each frame, and that at rest. +z points out of the face.
 fn sights(face: &Face, motion: &Motion) -> (Vec<EyeballsInSight>, f64) {
     let engine = head::engine();
     let clip = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT)).unwrap();
@@ -112,7 +113,8 @@ fn sights(face: &Face, motion: &Motion) -> (Vec<EyeballsInSight>, f64) {
     (frames.collect(), eyes.sight(&face.mesh.positions).area)
 }
 
-/// Every blink under every emotion ends shut, and no frame shows an eyeball through a lid.
+/// Checks that blinks under every emotion shut the eyes and that no frame shows an eyeball through
+/// a lid.
 fn check_blinks(face: &Face) {
     for emotion in ["neutral:0", "surprised:1", "afraid:1", "happy:1"] {
         let clip = blinking(emotion);
@@ -144,8 +146,8 @@ fn the_default_head_shuts_its_eyes_under_every_emotion() {
     ));
 }
 
-/// Weights add up linearly: under squints and raised cheeks, plain blinks would neither shut nor
-/// stay in front of the eyeballs.
+/// Weights add up linearly, so under squints and raised cheeks the lids of a plain blink would
+/// neither shut nor stay in front of the eyeballs.
 #[test]
 fn blinks_of_weights_shut_under_every_expression() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
@@ -171,8 +173,8 @@ fn blinks_of_weights_shut_under_every_expression() {
 
 const SHUTTING: usize = 8;
 
-/// A blink from open to shut with `others` of both sides at weight 1. It closes the lids of the
-/// mean face by the remaining part.
+/// A blink from open to shut with the shapes `others` of both sides at weight 1. The blink closes
+/// the lids of the mean face by the part that `others` leave open.
 fn shutting(others: &[&str]) -> WeightClip {
     let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
     let mut clip = WeightClip {
@@ -200,7 +202,7 @@ fn shutting(others: &[&str]) -> WeightClip {
     clip
 }
 
-/// The default head with eyes opened half as far, and half as far again: lids travel as far as the
+/// The default head with eyes opened 0.6 times and 1.5 times as far. Lids travel as far as the
 /// head's own eyes are open.
 #[test]
 fn eyes_that_are_open_less_or_more_shut_as_well() {
@@ -230,7 +232,7 @@ fn eyes_that_are_open_less_or_more_shut_as_well() {
     }
 }
 
-/// The default head as its own blink of both eyes, or of one, leaves it.
+/// The default head after its own blink of both eyes, of one or of none, and its landmarks then.
 fn asleep(pairs: &[(usize, usize)]) -> (Mesh, head::Points) {
     let marks = head::landmarks();
     let face = head::prepared(&head::head(), &marks, PartChoices::default());

@@ -1,4 +1,4 @@
-//! Head and eyes beside a performance, and takes that differ.
+//! Tests how head, eyes and tongue move in a performance, and how takes differ.
 
 use anyface::{
     Engine, MotionRequest, Performance,
@@ -138,7 +138,7 @@ fn strengths_that_change_scale_the_tracks_where_they_stand() {
     assert_ne!(other.life, whole.life);
 }
 
-/// The recordings of whole sentences in `../shared`.
+/// Recordings of whole sentences in `../shared`, at most six of each voice.
 fn recordings() -> Vec<Waveform> {
     let shared = std::env::var("ANYFACE_SHARED").unwrap_or_else(|_| "../../shared".into());
     let folder = std::path::Path::new(&shared).join("data/speech");

@@ -1,4 +1,4 @@
-//! What a mouth cannot show of speech is measured and said.
+//! The engine measures which parts of speech a mouth cannot show, and says so.
 
 use anyface::{
     Face, MouthReach,

@@ -1,4 +1,4 @@
-//! A head with one eye in its middle: the outer halves of a left eye, mirrored.
+//! A head with one eye in its middle, made of the outer half of a left eye and its mirror image.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ use ndarray::Array3;
 
 use crate::head::{Points, engine, sum};
 
-/// The head of a seed whose left eye stands in its middle; nose and mouth stay.
+/// The head of a seed with its left eye moved to the middle. Nose and mouth stay where they are.
 fn cyclops(seed: u64) -> Mesh {
     let maker = HeadMaker::open(None).unwrap();
     let head = maker.mesh(&maker.random(seed), true).unwrap();

@@ -1,5 +1,5 @@
-//! Cuts free eyes that are one surface with their lids, on the front of the default head as one
-//! sheet.
+//! Cuts free eyes that are one surface with their lids. The mesh is the front of the default head
+//! as one sheet.
 
 use anyface::{
     Face,
@@ -71,7 +71,7 @@ fn eyes_that_are_one_with_their_lids_are_cut_free_and_blink() {
     let opened = engine.open_eyes(&face, SILENT).unwrap();
     let count = mesh.positions.len();
     assert_eq!(opened.mesh.positions[..count], mesh.positions[..]);
-    // At rest the surface is the same, and each piece lies where its source says.
+    // At rest the surface is the same, and each triangle lies where its source says.
     let [before, after] = [
         area(&mesh, 0..mesh.triangles.len()),
         area(&opened.mesh, 0..opened.first_lining_triangle),

@@ -3,12 +3,12 @@
 use anyface::{Error, Result};
 use ndarray::ArrayView3;
 
-/// Of all frames and all vertices of the upper rim.
+/// The crossing of two rims, over all frames and all vertices of the upper rim.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RimCrossing {
-    /// Share that lies below the lower rim.
+    /// Share of the vertices that lies below the lower rim.
     pub share: f64,
-    /// Mean depth of those below, 0 if there are none; the clip's unit.
+    /// Mean depth of the vertices below, in the clip's unit; 0 if there are none.
     pub mean_depth: f64,
     /// Largest depth.
     pub depth: f64,
@@ -16,12 +16,13 @@ pub struct RimCrossing {
     pub gap: f64,
 }
 
-/// Compares two rims in every frame of `clip` `[T, V, 3]`, of positions and not of displacements.
+/// Compares two rims in every frame of `clip` `[T, V, 3]`, which holds positions, not
+/// displacements.
 ///
 /// `upper`, `lower`: vertices from one corner to the other. `across`: unit vector from that corner to
 /// the other; `up`: unit vector from the lower to the upper rim. The height of the lower rim under a
-/// vertex of the upper one is that of its vertices on either side; vertices of the upper rim that
-/// have none are left out.
+/// vertex of the upper one is interpolated between the lower rim's vertices on either side.
+/// Vertices of the upper rim beyond the ends of the lower one are left out.
 ///
 /// # Errors
 /// `InvalidInput` if a rim has fewer than two vertices or names one that does not exist.
@@ -73,7 +74,8 @@ pub fn rim_crossing(
     })
 }
 
-/// Height of a line of (place, height) at a place; the highest where it doubles back.
+/// Height at a place of a line of (place, height). Where the line doubles back, its largest height
+/// there. `None` beyond its ends.
 fn height_at(rim: &[(f64, f64)], place: f64) -> Option<f64> {
     let pieces = rim.windows(2).filter_map(|ends| {
         let [(a, low), (b, high)] = [ends[0], ends[1]];
@@ -94,7 +96,8 @@ mod tests {
 
     #[test]
     fn depth_is_measured_under_the_upper_rims_own_vertices() {
-        // Upper rim 0, 1 at height 0.5; lower rim 2, 3, 4 a roof of height 1 in the middle.
+        // The upper rim (0, 1) is at height 0.5. The lower rim (2, 3, 4) is a roof whose middle is
+        // at height 1.
         let points = [[0.5, 0.5], [1.0, 0.5], [0.0, 0.0], [1.0, 1.0], [2.0, 0.0]];
         let clip = Array3::from_shape_fn((1, 5, 3), |(_, v, i)| match i {
             2 => 7.0,

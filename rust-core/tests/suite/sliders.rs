@@ -1,4 +1,4 @@
-//! Sliders of a finished take, compared with new runs of the values that they stand for.
+//! Compares sliders of a finished take with new runs at the values that they stand for.
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, Face, MotionRequest, Performance, SliderChange,
@@ -22,7 +22,7 @@ use ndarray::{Array2, Array3, Axis};
 use crate::{head, voice::babble};
 
 const MAX_ERROR_M: f32 = 1e-4;
-/// Vertices of the default head's tongue, its last.
+/// How many vertices the default head's tongue has. They are the head's last ones.
 const TONGUE: isize = 146;
 
 fn voice() -> Waveform {
@@ -79,8 +79,8 @@ impl Take {
         result.unwrap()
     }
 
-    /// Mean and largest distance, mm, between the take with changed weights and a motion, for all
-    /// but the tongue, which has its own test.
+    /// Mean and largest distance, mm, between the take with changed weights and a motion. Leaves
+    /// out the tongue, which has its own test.
     fn distance(&self, change: &Array2<f32>, (motion, life): &(Motion, Life)) -> (f32, f32) {
         let movement = Movement::from(motion).with_tongue(life);
         let truth = spread(&self.engine, &self.face, movement);
@@ -144,8 +144,8 @@ fn a_variation_is_the_run_that_it_stands_for() {
             "{slider:?}"
         );
     }
-    // An emotion changes when the eyes blink, how the head moves and so how the eyes turn against
-    // it. The slider does not.
+    // A new emotion changes when the eyes blink and how the head moves, and so how the eyes turn
+    // against the head. The slider changes none of these.
     let mut unblinking = base.clone();
     unblinking.controls.set("blinks_per_minute", 0.0);
     unblinking.controls.set("gaze", 0.0);
@@ -161,7 +161,7 @@ fn a_variation_is_the_run_that_it_stands_for() {
 fn sliders_come_near_to_new_runs() {
     let take = Take::new(&request("happy:0.8"));
     let changes = take.changes();
-    // Mean and largest distance in mm, a little over what was measured.
+    // Mean and largest distance in mm, a little above those measured.
     for (slider, position, mean, largest) in [
         (Slider::Articulation, 1.3, 0.06, 0.9),
         (Slider::Articulation, 0.5, 0.09, 1.0),
@@ -194,7 +194,7 @@ fn the_tongue_goes_with_articulation() {
     assert_eq!(change.knots, [0.0, 0.5, 1.2, 1.5, 2.0]);
     let tongue = |moved: &Array3<f32>| moved.slice(ndarray::s![.., -TONGUE.., ..]).to_owned();
     let still = tongue(&take.basis.displacements());
-    // Largest distances in mm, a little over what was measured.
+    // Largest distances in mm, a little above those measured.
     for (position, largest) in [(0.0, 1.8), (0.5, 1.1), (1.3, 1.3), (1.5, 2.0)] {
         let varied = take
             .performance
@@ -232,7 +232,7 @@ fn sliders_of_weights_come_near_to_new_runs() {
     let changes = take.changes();
     let sliders: Vec<Slider> = changes.iter().map(|change| change.slider).collect();
     assert_eq!(sliders, Slider::ALL);
-    // Mean and largest distance in mm, a little over what was measured.
+    // Mean and largest distance in mm, a little above those measured.
     for (slider, position, mean, largest) in [
         (Slider::Articulation, 1.3, 0.04, 0.4),
         (Slider::Articulation, 0.5, 0.06, 0.6),
@@ -255,7 +255,7 @@ fn sliders_of_weights_come_near_to_new_runs() {
 
 #[test]
 fn emotion_and_blinks_go_together() {
-    // Anger narrows the eyes: lids have a shorter way then.
+    // Anger narrows the eyes, so the lids have a shorter way to go.
     let take = Take::new(&request("angry:1"));
     let changes = take.changes();
     let both = Slider::EmotionAndBlinks;
@@ -274,7 +274,7 @@ fn emotion_and_blinks_go_together() {
         joint.1 < 1.9 && joint.0 < each_alone.0 - 0.002,
         "{each_alone:?} {joint:?}"
     );
-    // It has no effect while one of the two has the take's own value.
+    // The joint change has no effect while either slider is at the take's own value.
     for (emotion, blinks) in [(1.0, 0.0), (0.3, 1.0)] {
         let none = together.at(Slider::both(emotion, blinks));
         assert!(none.iter().all(|x| *x == 0.0));
@@ -287,7 +287,7 @@ fn emotion_and_blinks_go_together() {
 
 #[test]
 fn shapes_at_rest_stay_so_but_for_six() {
-    // Four shapes, and two of the tongue's.
+    // A slider may move four further shapes in a frame, and two more that serve the tongue.
     let take = Take::new(&request("happy:0.8"));
     let count = |weights: &Array2<f32>| -> Vec<usize> {
         let moving = |row: ndarray::ArrayView1<'_, f32>| row.iter().filter(|w| **w != 0.0).count();
@@ -382,10 +382,10 @@ fn some_vertices_move_as_they_do_among_all() {
     let landmarks = take.face.motion_on_mesh(clip.displacements.view());
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
-    // The tongue's motion is added to all of them.
+    // The deformer does not add the tongue's motion, so it is left out here as well.
     let without_tongue = spread(&take.engine, &take.face, &take.performance.motion);
     let all = without_tongue.displacements.select(Axis(1), &rows);
-    // The skin about the eyes is among them: all of it moves together.
+    // They include all of the skin around the eyes, which moves together.
     assert!(few.vertices.len() < 3000, "{} vertices", few.vertices.len());
     assert!(
         distance(&moved, &all).1 < 1e-4,

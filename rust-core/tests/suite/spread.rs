@@ -47,7 +47,7 @@ fn weights_move_a_mesh_by_its_own_shapes() {
     };
     let frame = |t: usize| clip.vertices.displacements.index_axis(Axis(0), t);
     assert!(frame(0).iter().all(|x| *x == 0.0));
-    // Only lids may differ from the shapes: skin stays in front of the eyeballs.
+    // Only lids may differ from the shapes, because the skin has to stay in front of the eyeballs.
     let apart = |moved: &Array2<f32>, t: usize| {
         let away = (moved - &frame(t)).mapv(f32::abs);
         away.fold(0.0, |a: f32, b| a.max(*b))
@@ -57,7 +57,7 @@ fn weights_move_a_mesh_by_its_own_shapes() {
         let off = apart(&shapes, t);
         assert!(off < 0.3e-3, "frame {t}: {off}");
     }
-    // The landmarks are those of the mesh that moved.
+    // The landmark displacements are read off the mesh that moved.
     let chin = face.landmarks.vertices[8] as usize;
     let read_off = clip.landmark_displacements.index_axis(Axis(0), 1);
     assert_eq!(read_off.row(8), frame(1).row(chin));

@@ -1,6 +1,7 @@
-//! A voice made from formulas.
+//! Voices made from formulas.
 
-/// The same with a pitch that rises and falls as that of a speaker does; `babble` drones, which a stream takes for music.
+/// Like `babble`, but with a pitch that rises and falls as a speaker's does. A stream takes the
+/// drone of `babble` for music.
 pub fn intoned(seconds: f32, rate_hz: u32) -> Vec<f32> {
     let rate = rate_hz as f32;
     let tau = std::f32::consts::TAU;

@@ -1,4 +1,4 @@
-//! Weights while somebody is speaking.
+//! Tests the stream that makes weights while somebody is speaking.
 
 use anyface::{
     conditions::Emotion,
@@ -11,7 +11,7 @@ use crate::{
     voice::{babble, intoned},
 };
 
-/// One that every sound moves.
+/// A stream that every sound moves.
 fn stream() -> WeightStream {
     let mut stream = engine().weight_stream().unwrap();
     stream.hear_all();
@@ -106,7 +106,7 @@ fn a_voice_opens_the_jaw_and_silence_is_silence() {
     for frame in &silent {
         assert!(frame.visemes[silence] > 0.7, "{:?}", frame.visemes);
     }
-    // Eyes are open for 6.1 s at most.
+    // The eyes stay open for 6.1 s at most.
     let shut = |frame: &&WeightFrame| shape(frame, "eyeBlinkLeft") > 0.6;
     assert!(
         silent.iter().filter(shut).count() > 0,

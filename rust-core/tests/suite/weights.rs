@@ -1,5 +1,5 @@
-//! Weights of the user's own: the folder's models are opened by their configs. What does not fit is
-//! refused with both sides.
+//! Models of the user's own. Those of a folder are opened by their configs. A refusal says what was
+//! expected and what was found.
 
 use std::{fs, path::Path};
 

@@ -8,7 +8,7 @@ use clap::Args;
 /// Options of every subcommand.
 #[derive(Args)]
 pub(super) struct SharedArgs {
-    /// What turns speech into motion [default: the first that `anyface info` lists]
+    /// System that turns speech into motion [default: the first that `anyface info` lists]
     #[arg(long, global = true, value_name = "NAME")]
     system: Option<String>,
     /// Folder of model files that override the embedded ones
@@ -18,7 +18,7 @@ pub(super) struct SharedArgs {
     /// embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<PathBuf>,
-    /// Keep no per-mesh work between runs
+    /// Do not cache the work for each mesh between runs
     #[arg(long, global = true)]
     no_cache: bool,
     /// Worker threads [default: one per core]
@@ -41,12 +41,12 @@ impl SharedArgs {
             .map_err(|e| Error::InvalidInput(format!("threads: {e}")))
     }
 
-    /// An engine with these weights.
+    /// An engine with these options.
     pub(super) fn engine(&self) -> Result<Engine> {
         self.engine_of(self.system.as_deref())
     }
 
-    /// The same with another system.
+    /// An engine with these options but another system.
     pub(super) fn engine_of(&self, system: Option<&str>) -> Result<Engine> {
         Engine::new(EngineOptions {
             system: system.map(str::to_owned),
@@ -62,7 +62,7 @@ impl SharedArgs {
     }
 }
 
-/// Where recordings, faces and meshes lie, which are not part of this repository.
+/// The folder of recordings, faces and meshes, which are not part of this repository.
 #[derive(Args)]
 pub(super) struct DataArgs {
     /// Data folder: motion/, faces/ and meshes/ [default: data in the folder ANYFACE_SHARED]
@@ -71,7 +71,7 @@ pub(super) struct DataArgs {
 }
 
 impl DataArgs {
-    /// The folder that was given, or the one beside other shared files.
+    /// The folder given on the command line, or else the one among the shared files.
     pub(super) fn folder(&self) -> Result<PathBuf> {
         match (&self.data, std::env::var_os("ANYFACE_SHARED")) {
             (Some(folder), _) => Ok(folder.clone()),

@@ -1,22 +1,22 @@
-//! Talking to the person or the machine at the other end.
+//! Prints results and progress for a person or a program.
 
 use std::{io::Write, path::Path};
 
 use anyface::{Error, Result, job::write_atomically};
 use serde::Serialize;
 
-/// Where results and progress go.
+/// Prints results and progress.
 pub(super) struct Console {
     json: bool,
 }
 
 impl Console {
-    /// `json`: results are JSON, and nothing is said of progress.
+    /// With `json`, results are printed as JSON and progress is not reported.
     pub(super) fn new(json: bool) -> Self {
         Console { json }
     }
 
-    /// Says what is being measured and which share of the whole run is done, 0 to 1.
+    /// Reports what is being measured and the share of the run that is done, 0 to 1.
     pub(super) fn stage(&self, name: &str, fraction: f32) {
         if !self.json {
             eprintln!("{:>3.0} % {name}", 100.0 * fraction);
@@ -33,7 +33,7 @@ impl Console {
     }
 }
 
-/// Writes a page, and its numbers beside it as JSON.
+/// Writes a page, and its numbers as JSON next to it.
 pub(super) fn write_page(path: &Path, page: &str, numbers: &impl Serialize) -> Result<()> {
     let json = serde_json::to_string_pretty(numbers)
         .map_err(|e| Error::Numerics(format!("numbers as JSON: {e}")))?;
@@ -43,7 +43,7 @@ pub(super) fn write_page(path: &Path, page: &str, numbers: &impl Serialize) -> R
     })
 }
 
-/// The command as it is given in the repository's root.
+/// The command as typed in the repository's root.
 pub(super) fn command_line() -> String {
     let words: Vec<String> = std::env::args().skip(1).collect();
     format!("cargo measure {}", words.join(" "))

@@ -1,4 +1,5 @@
-//! Faces whose true motion is known, ICT's and MakeHuman's: a neutral face with a mode for each expression.
+//! The faces of ICT and MakeHuman, whose true motion is known: a neutral face with a mode for each
+//! expression.
 
 use std::path::Path;
 
@@ -13,20 +14,20 @@ use crate::tensors::TensorFile;
 
 const METRES_PER_CM: f64 = 0.01;
 
-/// Lengths are in the unit of the file.
+/// A face model. Lengths are in the unit of its file.
 pub(crate) struct FaceModel {
-    /// Millimetres of the unit.
+    /// Millimetres per unit.
     pub mm: f32,
     /// Vertex of each landmark.
     pub landmarks: [u32; LANDMARKS],
     /// `[V, 3]`
     pub neutral: Array2<f32>,
-    /// Of each mode.
+    /// The name of each expression mode.
     pub names: Vec<String>,
     triangles: Vec<[u32; 3]>,
     /// `[M, V, 3]`
     expressions: Array3<f32>,
-    /// `[P, V, 3]`, none of MakeHuman's.
+    /// `[P, V, 3]`, empty for MakeHuman.
     identities: Array3<f32>,
 }
 
@@ -74,12 +75,12 @@ impl FaceModel {
             .map_err(|_| file.bad(&format!("{name}: expected [M, V, 3]")))
     }
 
-    /// Identities that a head may be mixed of.
+    /// The number of identity modes that can be mixed into a head.
     pub(crate) fn identities(&self) -> usize {
         self.identities.len_of(Axis(0))
     }
 
-    /// The head of an identity; of no coefficients the mean one.
+    /// The head of an identity. Without coefficients it is the mean head.
     pub(crate) fn mesh(&self, coefficients: &[f32]) -> Result<Mesh> {
         let mut neutral = self.neutral.clone();
         for (mode, c) in self.identities.outer_iter().zip(coefficients) {
@@ -89,7 +90,7 @@ impl FaceModel {
         Mesh::from_arrays(positions.collect(), self.triangles.clone())
     }
 
-    /// The model's own landmarks, on a head of any identity.
+    /// Options with the model's own landmarks, for a head of any identity.
     pub(crate) fn options(&self) -> FaceOptions {
         FaceOptions {
             landmarks: Some(LandmarkSource::Vertices(self.landmarks.to_vec())),
@@ -97,8 +98,9 @@ impl FaceModel {
         }
     }
 
-    /// The modes of an ARKit channel: `mouthSmileLeft` is `mouthSmile_L` of ICT's, a name without a side, such as
-    /// `browInnerUp` or `cheekSquint`, both sides together. None where the face cannot do it.
+    /// The modes of an ARKit channel. `mouthSmileLeft` is ICT's `mouthSmile_L`. A name without a
+    /// side, such as `browInnerUp` or `cheekSquint`, gives the modes of both sides. Empty if the
+    /// face cannot do it.
     fn modes_of(&self, channel: &str) -> Vec<ArrayView2<'_, f32>> {
         let number = |name: &str| self.names.iter().position(|known| known == name);
         let sided = channel.replace("Left", "_L").replace("Right", "_R");
@@ -140,7 +142,8 @@ impl FaceModel {
         }
     }
 
-    /// The face under weights `[T, M]`, `[T, V, 3]`; a channel that it lacks moves nothing.
+    /// Displacements `[T, V, 3]` of the face under weights `[T, M]`. A channel that the face lacks
+    /// moves nothing.
     pub(crate) fn moved(&self, channels: &[String], weights: &Array2<f32>) -> Array3<f32> {
         let mut out = Array3::zeros((weights.nrows(), self.neutral.nrows(), 3));
         for (channel, weights) in channels.iter().zip(weights.columns()) {
@@ -156,7 +159,7 @@ impl FaceModel {
     }
 }
 
-/// ICT's mean face at its 68 landmarks, `[68, 3]`, metres, canonical axes.
+/// ICT's mean face at its 68 landmarks, `[68, 3]`, in metres and canonical axes.
 pub(crate) struct IctLandmarks {
     pub neutral: Array2<f64>,
     face: FaceModel,
@@ -169,7 +172,8 @@ impl IctLandmarks {
         Ok(IctLandmarks { neutral, face })
     }
 
-    /// The mode of an ARKit channel.
+    /// The mode of an ARKit channel at the landmarks, summed over both sides if the channel names
+    /// none.
     pub(crate) fn mode(&self, channel: &str) -> Result<Array2<f64>> {
         let modes = self.face.modes_of(channel).into_iter();
         let modes = modes.map(|mode| Self::metres(&self.face, mode));

@@ -1,7 +1,8 @@
-//! How the field of FaceTalk's head moves the vertices of heads that it never saw, beside the decoder of landmarks.
+//! Measures how well the field of FaceTalk's head moves the vertices of unseen heads, compared with
+//! the decoder of landmarks.
 //!
-//! Heads are ICT's identities of random coefficients with all that belongs to them, poses ARKit weights: single
-//! shapes, and frames of grid_s1's clips that are held out. The truth is ICT's own modes.
+//! The heads are complete ICT heads with random identity coefficients. The poses are ARKit weights:
+//! single shapes, and frames of held-out clips of grid_s1. ICT's own modes are the truth.
 
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -27,29 +28,30 @@ use anyface::{
 };
 
 const MM_PER_CM: f32 = 10.0;
-/// Vertices of ICT's face, before head and neck, sockets, teeth and eyes.
+/// Vertices of ICT's face. They come before those of the head and neck, sockets, teeth and eyes.
 pub(super) const FACE_VERTICES: usize = 9409;
 const LIPS_CM: f32 = 0.8;
-/// Vertices that a shape moves less than this do not count for it.
+/// Vertices that a shape moves by no more than this do not count as moving.
 const MOVING_MM: f32 = 0.5;
 const FRAMES: usize = 20;
-/// Training's own identities come from small seeds.
+/// The first seed of the unseen heads. Training draws its own identities from small seeds.
 pub(super) const UNSEEN_SEED: u64 = 9_000_000;
 
-/// Measure the field on the vertices of heads that it never saw, beside the decoder of landmarks
+/// Measure the field on the vertices of unseen heads, compared with the decoder of landmarks
 #[derive(Args)]
 pub(super) struct Field {
     #[command(flatten)]
     data: DataArgs,
-    /// Identities
+    /// Number of heads
     #[arg(long, value_name = "N", default_value_t = 3)]
     heads: u64,
-    /// Measure ARKit's shapes of a rig instead: the network's beside the field's, at half their weight and at the whole
+    /// Instead, measure a rig's ARKit shapes by the network and by the field, at half and at full
+    /// weight
     #[arg(long)]
     rig: bool,
 }
 
-/// Distances from the truth: of the face, of the lips, of what moves.
+/// Distances from the truth, over the face, over the lips and over the vertices that move.
 #[derive(Default, Clone, Copy)]
 pub(super) struct Distances {
     sums: [f64; 3],
@@ -131,7 +133,8 @@ impl Field {
         Ok(())
     }
 
-    /// Both rigs of unseen heads against ICT's own modes, over the vertices of the face that a mode moves.
+    /// Compares both rigs of unseen heads with ICT's own modes, over the vertices of the face that
+    /// a mode moves.
     fn rigs(&self, ict: &FaceModel, engine: &Engine, head: &Head) -> Result<()> {
         let channels = &head.config().channels;
         let mut sums = vec![[[0.0f64; 3]; 2]; channels.len()];
@@ -207,7 +210,7 @@ impl Field {
     }
 }
 
-/// Weights `[1, M]` of channels of which some are at full strength.
+/// Weights `[1, M]` of the channels. Those in `full` are at full strength, all others at zero.
 fn pose_of(channels: &[String], full: &[impl AsRef<str>]) -> Array2<f32> {
     Array2::from_shape_fn((1, channels.len()), |(_, n)| {
         f32::from(u8::from(
@@ -216,7 +219,7 @@ fn pose_of(channels: &[String], full: &[impl AsRef<str>]) -> Array2<f32> {
     })
 }
 
-/// Weights `[T, M]` of channels in the middle of some of grid_s1's clips that are held out.
+/// Weights `[T, M]` of the channels in the middle frames of some held-out clips of grid_s1.
 pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
     let file = TensorFile::read(&data.join(TRACK))?;
     let (weights, shape) = file.floats("weights")?;
@@ -238,7 +241,7 @@ pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
 }
 
 impl Distances {
-    /// Both in centimetres.
+    /// Adds the distances between a prediction and the truth, both in centimetres.
     pub(super) fn add(&mut self, prediction: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
         for (prediction, truth) in prediction.outer_iter().zip(truth.outer_iter()) {
             for (v, is_lip) in lips.iter().enumerate() {
@@ -263,13 +266,13 @@ impl Distances {
         }
     }
 
-    /// Means in millimetres: of the face, of the lips, of what moves.
+    /// Mean distances in millimetres over the face, over the lips and over the vertices that move.
     pub(super) fn means_mm(&self) -> [f64; 3] {
         std::array::from_fn(|n| self.sums[n] / self.counts[n].max(1.0))
     }
 }
 
-/// An unseen head of ICT's, ready to be moved.
+/// An unseen ICT head, ready to be animated.
 pub(super) fn face_of(engine: &Engine, ict: &FaceModel, coefficients: &[f32]) -> Result<Face> {
     engine.prepare(&ict.mesh(coefficients)?, &ict.options(), SILENT)
 }

@@ -1,7 +1,8 @@
-//! What shut lids do to the skin of many heads: triangles that turn over or grow, and eyeballs that stay in sight.
+//! Measures what shut lids do to the skin of many heads: triangles that turn over or grow, and
+//! eyeballs that stay in sight.
 //!
-//! Shapes that artists made by hand turn triangles over too, where skin rolls in at a lid's fold. The last rows say how many, by the
-//! same measure: no motion of ours has to be better than these.
+//! Shapes that artists made by hand turn triangles over too, where skin rolls in at a lid's fold.
+//! The last rows count these in the same way. Our motion need not do better than these shapes.
 
 use std::path::PathBuf;
 
@@ -42,34 +43,36 @@ pub(super) struct Lids {
     /// A folder of further meshes
     #[arg(long, value_name = "DIR")]
     also: Vec<PathBuf>,
-    /// Heads that `anyface head` makes, of the seeds from 1 on
+    /// Number of heads to make with `anyface head`, from seed 1 on
     #[arg(long = "made", value_name = "N", default_value_t = 12)]
     seeds: u64,
     /// Strength of each emotion
     #[arg(long, value_name = "X", default_value_t = 1.5)]
     strength: f32,
-    /// Draw every head into this folder, an emotion a column, with what turns over in red
+    /// Draw every head into this folder, one column for each emotion, with triangles that turn over
+    /// in red
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 }
 
-/// Of a picture of both eyes: pixels, and half its height in metres.
+/// The size of a picture of both eyes in pixels, and half its height in metres.
 const SIZE: (usize, usize) = (520, 240);
 const HALF_HEIGHT_M: f32 = 0.032;
 
-/// Triangles whose centre lies within this distance of a landmark of an eye count, in widths of the eyes.
+/// Only triangles whose centre lies within this distance of an eye's landmark count, in widths of
+/// an eye.
 const NEAR: f32 = 1.2;
-/// Triangles whose normal leans to the front by less than this are rims.
+/// Triangles whose normals have less than this share along the front axis are rims.
 const LEAST_FRONT: f32 = 0.25;
 /// A triangle is visible if nothing lies further than this in front of its centre, metres.
 const BEFORE_M: f32 = 3e-4;
 /// Side of a cell of the view, metres.
 const CELL_M: f32 = 2e-4;
-/// A triangle may grow so many times.
+/// Triangles that grow beyond this many times their area are counted.
 const MOST_GROWTH: f32 = 4.0;
-/// By which share an artist's blink shuts the eyes in the three frames of a row.
+/// The shares by which an artist's blink shuts the eyes in the three frames of a row.
 const CLOSED: [f32; 3] = [0.0, 0.5, 1.0];
-/// Triangles of less than this share of the mean area are slivers.
+/// Triangles with no more than this share of the mean area are slivers.
 const LEAST_AREA: f32 = 1e-3;
 
 /// One head.
@@ -77,10 +80,12 @@ const LEAST_AREA: f32 = 1e-3;
 struct Row {
     title: String,
     lids: [String; 2],
-    /// Triangles that turn over, and that grow, under each emotion while the eyes are open, half shut and shut.
+    /// Numbers of triangles that turn over and that grow, for each emotion with eyes open, half
+    /// shut and shut.
     turned: Vec<[usize; 3]>,
     grown: Vec<[usize; 3]>,
-    /// The most of the eyeballs that shut lids leave in sight, of what is seen at rest.
+    /// The largest visible area of the eyeballs with shut lids in any emotion, as a share of that
+    /// at rest.
     in_sight: Option<f64>,
 }
 
@@ -139,7 +144,8 @@ impl Lids {
         Ok(row)
     }
 
-    /// What the blink and the emotions of the subject's own artist do; the first of its true frames is the blink.
+    /// Measures the blink and the emotions of the subject's own artist. The first of its true
+    /// frames is the blink.
     fn artist_row(&self, engine: &Engine, subject: &Subject) -> Result<Row> {
         let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
         let skin = near_eyes(&face);
@@ -173,7 +179,8 @@ impl Row {
         }
     }
 
-    /// Counts what turns and grows in the frames `[3, V, 3]` of an emotion, and gives it.
+    /// Counts the triangles that turn over and grow in the frames `[3, V, 3]` of an emotion, and
+    /// returns them.
     fn count(&mut self, face: &Face, skin: &NearEyes, frames: &Array3<f32>) -> [Changed; 3] {
         let changed = std::array::from_fn(|k| skin.changed(face, frames.index_axis(Axis(0), k)));
         self.turned
@@ -202,14 +209,14 @@ fn line(row: &Row) -> String {
     )
 }
 
-/// Triangles that turn over, and how many grow.
+/// The triangles that turn over, and the number of those that grow.
 type Changed = (Vec<[u32; 3]>, usize);
 
-/// Triangles of the skin about the eyes.
+/// The triangles of the skin around the eyes.
 struct NearEyes {
-    /// Those that lean to the front.
+    /// Triangles near the eyes, without rims and slivers.
     triangles: Vec<[u32; 3]>,
-    /// In the canonical frame, twice their area.
+    /// Their normals at rest in the canonical frame, as long as twice the triangles' areas.
     rest: Vec<[f32; 3]>,
 }
 
@@ -236,7 +243,8 @@ fn near_eyes(face: &Face) -> NearEyes {
 }
 
 impl NearEyes {
-    /// The visible triangles that turn over in a frame `[V, 3]`, and how many grow.
+    /// The visible triangles that turn over in a frame `[V, 3]`, and the number of visible ones
+    /// that grow.
     fn changed(&self, face: &Face, frame: ArrayView2<'_, f32>) -> Changed {
         let places = canonical(face, &pose(&face.mesh, frame).positions);
         let visible = find_visible(&self.triangles, &places);

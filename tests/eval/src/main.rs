@@ -1,4 +1,4 @@
-//! The `anyface-eval` command: what Anyface reaches and what it costs, measured.
+//! The `anyface-eval` command: measures the quality of Anyface's animation and what it costs.
 //!
 //! Results go to standard output, progress and errors to standard error. Exit codes are those of
 //! the `anyface` command: 0 done, 2 usage, otherwise [`anyface::Error::exit_code`].
@@ -30,7 +30,7 @@ use clap::{Parser, Subcommand};
 use arguments::SharedArgs;
 use console::Console;
 
-/// Measures Anyface: quality beside recordings, pictures of meshes, time of every stage.
+/// Measures Anyface: quality against recordings, pictures of meshes, time of every stage.
 #[derive(Parser)]
 #[command(name = "anyface-eval", version)]
 struct Arguments {

@@ -1,4 +1,5 @@
-//! Lips that are one surface, parted on many heads: what their rims do when the jaw drops by 20 mm.
+//! Opens mouths whose lips are one surface, on many heads, and measures the rims of the lips when
+//! the jaw drops by 20 mm.
 
 use std::path::PathBuf;
 
@@ -24,12 +25,12 @@ use crate::{
     vertex_motion::spread_landmarks,
 };
 
-/// Measure lips that are one surface on many heads: how they part when they are opened
+/// Measure on many heads how lips that are one surface part once they are cut open
 #[derive(Args)]
 pub(super) struct Mouths {
     #[command(flatten)]
     data: DataArgs,
-    /// A folder of further meshes
+    /// Measure the meshes in this folder as well
     #[arg(long, value_name = "DIR")]
     also: Vec<PathBuf>,
     /// Draw every mouth into this folder, at rest and open, from the front and turned
@@ -37,24 +38,24 @@ pub(super) struct Mouths {
     pictures: Option<PathBuf>,
 }
 
-/// Of a picture of a mouth: pixels, and half its height in metres.
+/// Width and height of a mouth's picture in pixels, and half of its height in metres.
 const SIZE: (usize, usize) = (420, 360);
 const HALF_HEIGHT_M: f32 = 0.045;
-/// Turned, radians: what a bag or a pulled skin looks like from the side.
+/// Yaw of the turned view, radians. It shows the mouth bag and stretched skin from the side.
 const TURNED: f32 = 0.7;
 
 /// One head.
 #[derive(Serialize)]
 struct Row {
     title: String,
-    /// How its lips meet.
+    /// How its lips meet: the name of a `Mouth`.
     mouth: &'static str,
-    /// Why it was refused.
+    /// Why its mouth could not be opened.
     refused: Option<String>,
     trial: Option<Trial>,
 }
 
-/// Twin of [`MouthTrial`].
+/// Serialisable copy of [`MouthTrial`], with the number of vertices in the upper rim.
 #[derive(Serialize)]
 struct Trial {
     parted: f64,
@@ -117,7 +118,8 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
     Ok(row)
 }
 
-/// At rest and open, from the front above and turned below, the inside of the mouth red.
+/// Draws the mouth at rest and open, in a row from the front and a row turned below it. The inside
+/// of the mouth is red.
 fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture> {
     let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
     let drop: Array3<f32> = after.motion_on_mesh(MouthTrial::jaw_drop().view());

@@ -5,8 +5,8 @@ use std::time::Instant;
 /// Linux counts processor time in hundredths of a second.
 const TICKS_PER_S: f64 = 100.0;
 
-/// Counts the work of this process where Linux tells it, so that other programs do not matter;
-/// elsewhere the time that passes.
+/// Counts the processor time of this process where Linux reports it, so that other programs do not
+/// matter. Elsewhere it counts the time that passes.
 pub(super) struct Stopwatch {
     work_s: Option<f64>,
     start: Instant,
@@ -28,7 +28,7 @@ impl Stopwatch {
         }
     }
 
-    /// Seconds on the wall since the start.
+    /// Wall-clock seconds since the start.
     pub(super) fn elapsed_s(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
@@ -37,20 +37,20 @@ impl Stopwatch {
 /// Processor time of this process so far: fields 14 and 15 of `/proc/self/stat`.
 fn processor_s() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field is a name in brackets that may hold anything.
+    // The second field is a name in parentheses, which may contain any character.
     let (_, fields) = stat.rsplit_once(')')?;
     let mut times = fields.split_whitespace().skip(11).take(2);
     let mut ticks = || times.next()?.parse::<f64>().ok();
     Some((ticks()? + ticks()?) / TICKS_PER_S)
 }
 
-/// Asks Linux to count the peak from now on; elsewhere nothing happens.
+/// Asks Linux to measure the peak memory from now on. Elsewhere nothing happens.
 pub(super) fn forget_peak() {
-    // Where it is refused, the peak counts from the start of the process.
+    // If Linux refuses, the peak still counts from the start of the process.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// Largest memory of the process, MiB, where the system tells.
+/// Peak memory of the process, MiB, where the system reports it.
 pub(super) fn peak_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -66,7 +66,8 @@ mod tests {
     fn work_is_counted_from_the_start() {
         let stopwatch = Stopwatch::start();
         let mut x = 1.0f64;
-        // Works before it looks: a tick may pass before the first look. A busy machine lets this process wait.
+        // Work before the first look, since a tick may pass before it. A busy machine may keep this
+        // process waiting, so give it up to a minute.
         loop {
             x = (x + 1.0).sqrt();
             if stopwatch.work_s() > 0.0 || stopwatch.elapsed_s() > 60.0 {

@@ -1,8 +1,10 @@
-//! How EmoFace's template moves the vertices of heads that it is not, beside the decoder of its landmarks.
+//! Measures how well EmoFace's template moves the vertices of other heads, compared with its
+//! landmarks alone.
 //!
-//! Heads are ICT's identities of random coefficients, poses ARKit's shapes at full strength, both sides at once, and frames
-//! of grid_s1's clips that are held out. What goes in is the true motion of the template, whose vertices are some of
-//! ICT's, in the measure of each head; the truth is ICT's own modes.
+//! The heads are ICT's identities with random coefficients. The poses are ARKit's shapes at full
+//! strength, both sides at once, and frames of the held-out clips of grid_s1. The truth is the
+//! motion of ICT's own modes on each head. The input is the true motion of the template's
+//! vertices, which are some of ICT's, in canonical metres.
 
 use std::path::Path;
 
@@ -26,19 +28,19 @@ use anyface::{
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
 
-/// A vertex of ICT's is one of the template's that lies as near, metres.
+/// A vertex of ICT and one of the template are the same if they lie closer than this, metres.
 const SAME_M: f32 = 1e-4;
-/// Frames of speech.
+/// Name of the set that holds frames of speech.
 const SPOKEN: &str = "grid_s1, held out";
-/// Shapes of which landmarks say nothing.
+/// Shapes that do not show in the landmarks. The row of all others leaves them out.
 const CHEEKS: [&str; 2] = ["cheekPuff", "cheekSquint"];
 
-/// Measure the way of EmoFace's template to heads that it is not, beside that of its landmarks
+/// Measure how well EmoFace's template moves other heads, compared with its landmarks alone
 #[derive(Args)]
 pub(super) struct Template {
     #[command(flatten)]
     data: DataArgs,
-    /// Identities
+    /// Number of random identities
     #[arg(long, value_name = "N", default_value_t = 3)]
     heads: u64,
 }
@@ -125,12 +127,12 @@ fn whole_shapes(names: &[String]) -> Vec<Poses> {
     let mut shapes: Vec<String> = names.iter().map(plain).collect();
     shapes.sort_unstable();
     shapes.dedup();
-    // A name without a side moves both.
+    // A name without a side moves both sides.
     let whole = |shape: String| (shape.clone(), vec![shape], Array2::ones((1, 1)));
     shapes.into_iter().map(whole).collect()
 }
 
-/// Which of ICT's vertices those of the template are.
+/// Finds the vertex of ICT that each vertex of the template is.
 fn vertices_of(template: &TemplateMesh, mean: &Face) -> Result<Vec<usize>> {
     let places = mean.mesh.positions.iter();
     let places: Vec<[f32; 3]> = places.map(|p| mean.to_canonical.apply(*p)).collect();

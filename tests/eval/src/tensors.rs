@@ -1,4 +1,4 @@
-//! Tensors and metadata out of safetensors files.
+//! Tensors and metadata from safetensors files.
 
 use std::{collections::HashMap, path::Path};
 
@@ -34,7 +34,7 @@ impl TensorFile {
         serde_json::from_str(text).map_err(|e| self.bad(&format!("metadata {key}: {e}")))
     }
 
-    /// A tensor of any number type as f32, and its shape.
+    /// A tensor of type f32, f16, i16, u8 or i32 as f32, and its shape.
     pub(super) fn floats(&self, name: &str) -> Result<(Vec<f32>, Vec<usize>)> {
         let file = SafeTensors::deserialize(&self.bytes).map_err(|e| self.bad(&e.to_string()))?;
         let view = file.tensor(name).map_err(|e| self.bad(&e.to_string()))?;

@@ -1,4 +1,5 @@
-//! Heads turned at random: whether their landmarks are found where they are, refused, or found elsewhere.
+//! Turns heads at random and checks whether the search finds their landmarks in the right place,
+//! refuses them, or finds them in a wrong place.
 
 use std::path::PathBuf;
 
@@ -19,7 +20,7 @@ use crate::{
     vertex_motion::distance,
 };
 
-/// Measure landmarks that are searched on heads turned at random: found where they are, refused, or wrong
+/// Search landmarks on heads turned at random, and count those found right, refused or found wrong
 #[derive(Args)]
 pub(super) struct Turned {
     #[command(flatten)]
@@ -31,13 +32,13 @@ pub(super) struct Turned {
         default_value = "weights/shared/default_head"
     )]
     head: PathBuf,
-    /// A folder of further meshes; of NAME.obj the true landmarks may stand in NAME.landmarks.json
+    /// A folder of further meshes; NAME.landmarks.json may hold the true landmarks of NAME.obj
     #[arg(long, value_name = "DIR")]
     also: Vec<PathBuf>,
-    /// Heads that `anyface head` makes, of the seeds from 1 on
+    /// Number of heads to make as `anyface head` does, from seed 1 on
     #[arg(long = "made", value_name = "N", default_value_t = 3)]
     seeds: u64,
-    /// Only heads whose title has this in it
+    /// Only heads whose title contains this
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
     /// Rotations of each head
@@ -52,10 +53,11 @@ pub(super) struct Turned {
 const SEED: u64 = 36;
 /// A face within this angle of the true one is right, degrees.
 const MOST_TURNED_DEG: f64 = 20.0;
-/// The middle of the mouth lies within so many widths of the true mouth of its middle.
+/// A face is wrong if the middle of its mouth lies farther than this from the true one, in widths
+/// of the true mouth.
 const MOST_ASIDE: f32 = 0.5;
 
-/// One head.
+/// Results of one head, by the numbers of the rotations.
 #[derive(Serialize)]
 struct Row {
     title: String,
@@ -64,13 +66,13 @@ struct Row {
     wrong: Vec<Wrong>,
 }
 
-/// A face that was found where it is not.
+/// A face that was found in a wrong place or pose.
 #[derive(Serialize)]
 struct Wrong {
     rotation: usize,
     /// Angle between its pose and the true one, degrees.
     turned_deg: f64,
-    /// From the middle of the mouth to the true one, in widths of the true mouth.
+    /// Distance from the middle of the mouth to the true one, in widths of the true mouth.
     aside: f32,
 }
 
@@ -144,10 +146,10 @@ impl Turned {
     }
 }
 
-/// Where the landmarks of a head are: as its files say, else as they are found while it is upright.
+/// The true landmarks of a head: from its files, or as the search finds them while it is upright.
 ///
 /// # Errors
-/// `FaceNotFound` where nothing says it.
+/// `FaceNotFound` if there are none in its files and the search refuses the upright head too.
 fn truth(finder: &LandmarkFinder, subject: &Subject) -> Result<Landmarks> {
     let landmarks = locate_landmarks_with(finder, &subject.mesh, &subject.options, SILENT);
     landmarks.map_err(|error| match error {
@@ -159,8 +161,8 @@ fn truth(finder: &LandmarkFinder, subject: &Subject) -> Result<Landmarks> {
     })
 }
 
-/// Of landmarks found on a turned mesh: degrees between their pose and the true one, and how far the middles of the
-/// mouths lie apart, in widths of the true mouth.
+/// Compares landmarks found on a turned mesh with the true ones: the angle between their poses in
+/// degrees, and the distance between the middles of the mouths in widths of the true mouth.
 fn apart(truth: &Landmarks, landmarks: &Landmarks, turn: &Similarity) -> Result<(f64, f32)> {
     let step = align_to_canonical(landmarks)?
         .compose(turn)

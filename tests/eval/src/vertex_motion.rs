@@ -1,4 +1,4 @@
-//! What motion does to the vertices of a mesh.
+//! How motion moves the vertices of a mesh.
 
 use anyface::{
     Engine, Face, Result,
@@ -8,7 +8,7 @@ use anyface::{
 };
 use ndarray::{Array3, ArrayView2};
 
-/// `[T, V, 3]`, mesh units: the vertices of a face under a motion.
+/// Displacements of the vertices of a face under a motion, `[T, V, 3]`, mesh units.
 pub(super) fn vertex_motion<'a>(
     engine: &Engine,
     face: &Face,
@@ -28,7 +28,7 @@ pub(super) fn spread_landmarks(
     vertex_motion(engine, face, Movement::Own { landmarks, fps })
 }
 
-/// The mesh in one frame `[V, 3]` of displacements.
+/// The mesh, moved by the displacements `[V, 3]` of one frame.
 pub(super) fn pose(mesh: &Mesh, frame: ArrayView2<'_, f32>) -> Mesh {
     let mut posed = mesh.clone();
     for (point, offset) in posed.positions.iter_mut().zip(frame.rows()) {

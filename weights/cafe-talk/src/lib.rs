@@ -1,8 +1,8 @@
-//! Cafe-Talk's weights for Anyface, and the words of its events.
+//! Cafe-Talk's weights for Anyface, and those that understand events in words.
 
 use anyface_weights_shared::{Model, model};
 
-/// Speech, emotion and events to weights of shapes.
+/// Turns speech, emotion and events into weights of shapes.
 pub static CAFE_TALK_COMPACT: Model = model!("cafe_talk_compact");
-/// Words to action units.
+/// Turns words into action units.
 pub static TEXT_UNITS: Model = model!("text_units");

@@ -1,8 +1,8 @@
-//! EmoFace's weights for Anyface, and its speech while it is spoken.
+//! EmoFace's weights for Anyface, and the speech encoder of its stream.
 
 use anyface_weights_shared::{Model, model};
 
-/// Speech and emotion to vertices of a template.
+/// Turns speech and emotion into the motion of a template's vertices.
 pub static EMOFACE_COMPACT: Model = model!("emoface_compact");
-/// Speech to features while it is spoken.
+/// Turns speech into features while it is being spoken.
 pub static CAUSAL_SPEECH: Model = model!("causal_speech");

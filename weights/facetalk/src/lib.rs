@@ -1,4 +1,5 @@
-//! FaceTalk's weights for Anyface: the parametric head, and speech or landmarks to its codes.
+//! FaceTalk's weights for Anyface: the parametric head, and networks that turn speech or landmarks
+//! into its codes.
 
 use anyface_weights_shared::{Model, model};
 

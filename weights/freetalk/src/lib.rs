@@ -2,11 +2,11 @@
 
 use anyface_weights_shared::{Model, model};
 
-/// Speech to landmarks.
+/// Turns speech into landmark motion.
 pub static ATS_COMPACT: Model = model!("ats_compact");
-/// Speech to landmarks while it is spoken.
+/// Turns speech into landmark motion while it is being spoken.
 pub static STREAM: Model = model!("stream");
-/// When lips are together, heard while somebody is speaking.
+/// Hears when the lips are together, while somebody is speaking.
 pub static LIVE_CLOSURES: Model = model!("live_closures");
 /// The paper's decoder.
 pub static STM_PAPER: Model = model!("stm_paper");

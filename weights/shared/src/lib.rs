@@ -1,12 +1,13 @@
-//! What all systems of Anyface share: speech, phones, emotion, landmarks, deformation, shapes, and the default head.
+//! Data that all systems of Anyface share: models of speech, phones, emotion, landmarks,
+//! deformation and shapes, and the default head.
 
 /// A model.
 pub struct Model {
     /// Its folder's name.
     pub name: &'static str,
-    /// `model.planes.gz`: the bytes of a `model.safetensors`, those at even places before those at odd ones, in gzip.
-    /// Large matrices are 8-bit numbers, with a scale for each row; what they cannot bear is f16 or f32.
-    /// Empty where weights are not embedded.
+    /// `model.planes.gz`: the bytes of a `model.safetensors`, those at even offsets before those at
+    /// odd ones, in gzip. Large matrices are 8-bit numbers with a scale for each row; tensors that
+    /// need more precision are f16 or f32. Empty if weights are not embedded.
     pub weights: &'static [u8],
     /// `config.json`.
     pub config: &'static str,
@@ -29,7 +30,7 @@ macro_rules! weights {
     };
 }
 
-/// The weights in a folder of the crate that calls this: none, which a program brings.
+/// No weights. Without the feature `embedded` the program supplies them itself.
 #[doc(hidden)]
 #[macro_export]
 #[cfg(not(feature = "embedded"))]
@@ -62,27 +63,27 @@ macro_rules! model {
     };
 }
 
-/// Speech to features.
+/// Turns speech into features.
 pub static COMPACT_SPEECH: Model = model!("compact_speech");
-/// Features of speech to phones.
+/// Turns features of speech into phones.
 pub static PHONES: Model = model!("phones");
-/// How a voice feels.
+/// Turns a voice into numbers for its emotion.
 pub static EMOTION_ENCODER: Model = model!("emotion_encoder");
-/// Which emotion is heard in a voice.
+/// Recognises the emotion of a voice.
 pub static EMOTION_EAR: Model = model!("emotion_ear");
-/// Which emotion is heard in what Whisper says of a voice.
+/// Recognises the emotion of a voice from the features that Whisper finds in it.
 pub static EMOTION_OF_WHISPER: Model = model!("emotion_of_whisper");
 /// Finds landmarks on meshes.
 pub static LANDMARKS: Model = model!("landmarks");
-/// How far vertices follow landmarks.
+/// Determines how far each vertex follows the landmarks.
 pub static STATIC_WEIGHTS: Model = model!("static_weights");
 /// Creases of two reference faces.
 pub static CREASES: Model = model!("creases");
-/// Landmarks of ARKit's shapes.
+/// How ARKit's shapes move the landmarks.
 pub static FACE_MODES: Model = model!("face_modes");
-/// What emotions add to neutral speech.
+/// Motion that emotions add to neutral speech.
 pub static EXPRESSIONS: Model = model!("expressions");
-/// Shapes made for a mesh.
+/// Makes ARKit's shapes for a mesh.
 pub static RIG: Model = model!("rig");
 
 /// The default head, OBJ.

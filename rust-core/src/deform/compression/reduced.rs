@@ -1,4 +1,4 @@
-//! Principal components of a long clip, by way of the directions in time that matter.
+//! Principal components of a long clip, computed within the few directions in time that matter.
 
 use faer::{Mat, MatRef, Side};
 use ndarray::{Array2, s};
@@ -14,12 +14,12 @@ use crate::{
     nn::matrix::{self, by_row_blocks, product, rows_of, view, view_mut},
 };
 
-/// Directions beyond the largest number of shapes that the range finder follows.
+/// The range finder follows this many directions more than the largest number of shapes.
 const SPARE: usize = 16;
-/// Vertices summed in one go where a long axis is reduced.
+/// Vertices whose products one task sums.
 const VERTICES_PER_SUM: usize = 1365;
 
-/// Components in falling order: `weights` `[T, K]` and `shapes` `[3V, K]`.
+/// Components, largest first: `weights` `[T, K]` and `shapes` `[3V, K]`.
 pub(super) struct Components {
     pub weights: Array2<f32>,
     pub shapes: Array2<f32>,
@@ -35,7 +35,8 @@ impl Components {
     }
 }
 
-/// The clip in the directions in time that matter, `range` `[T, width]`: `projected` `[3V, width]`.
+/// The directions in time that matter, `range` `[T, width]`, and the clip in them, `projected`
+/// `[3V, width]`.
 pub(super) struct Reduced {
     range: Array2<f32>,
     projected: Array2<f32>,
@@ -66,7 +67,7 @@ impl Reduced {
         })
     }
 
-    /// The components of the clip with every vertex taken as often as `weights` `[V]` says.
+    /// The components of the clip if each vertex counts by its weight in `weights` `[V]`.
     pub fn components(&self, weights: &[f32]) -> Result<Components> {
         if self.most == 0 {
             return Ok(Components {

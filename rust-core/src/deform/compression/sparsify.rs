@@ -1,26 +1,27 @@
-//! Sets weights to exactly zero where the clip stays within its error.
+//! Sets weights to exactly zero if the clip stays within its error without them.
 //!
-//! Blender and other hosts skip a shape whose weight is zero, so a frame takes as long to play as it
-//! has weights that are not. A whole performance needs many shapes, one frame of it few.
+//! Blender and other hosts skip a shape whose weight is zero, so a frame plays faster the fewer other
+//! weights it has. A whole performance needs many shapes, but a single frame needs few.
 
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
 use crate::nn::matrix::{self, product, view, view_mut};
 
-/// A frame in which at most so many shapes move is left as it is.
+/// A frame in which at most this many shapes move is left as it is.
 pub(super) const MOVING: usize = 20;
-/// For each shape the error is first measured at the vertex that it moves farthest in each of so
-/// many regions: where a shape is missing, it shows there first.
+/// For each shape the error is first measured in this many regions, at the vertex that the shape
+/// moves farthest. A missing shape shows there first.
 const FARTHEST: usize = 48;
 /// Frames whose error is measured together.
 const FRAMES_PER_TASK: usize = 16;
-/// The vertices of a mesh are divided, in the order of their numbers, into so many regions.
+/// The vertices of a mesh are divided into this many regions, in the order of their numbers.
 const REGIONS: usize = 256;
 
-/// Sets the smallest weights `[T, K]` of each frame to zero until [`MOVING`] shapes move, as long as
-/// no vertex of `flat` `[T, 3V]` gets further than `max_error` from its place (where it is further
-/// before: no further). `shapes` `[3V, K]`, `error` the largest before. Returns the largest error.
+/// Sets those weights `[T, K]` of each frame to zero that matter least, until [`MOVING`] shapes move.
+/// No vertex of `flat` `[T, 3V]` gets further from its place than `max_error`, or than the largest
+/// error of its frame was before. `shapes`: `[3V, K]`; `error`: the largest before. Returns the
+/// largest error.
 pub(super) fn sparsify(
     flat: &Array2<f32>,
     weights: &mut Array2<f32>,
@@ -39,7 +40,7 @@ pub(super) fn sparsify(
     let farthest = Rows::farthest(shapes);
     farthest.sparsify(flat, weights, &frames, &bounds);
     let errors = errors_of_frames(flat, weights, shapes);
-    // Frames in which a vertex that was not measured went too far are done again with all vertices.
+    // In some frames a vertex that was not measured moved too far: redo them with all vertices.
     let mut again = frames;
     again.retain(|&t| errors[t] > bounds[t]);
     if again.is_empty() {
@@ -53,12 +54,12 @@ pub(super) fn sparsify(
     largest(&errors_of_frames(flat, weights, shapes))
 }
 
-/// Some vertices, and what each shape does there.
+/// Some vertices, and the part of each shape that moves them.
 struct Rows {
     vertices: Vec<usize>,
     /// `[K, 3n]`.
     shapes: Array2<f32>,
-    /// The farthest that each shape moves one of them, `[K]`.
+    /// The farthest that each shape moves any of these vertices, `[K]`.
     sizes: Vec<f32>,
 }
 
@@ -76,7 +77,7 @@ impl Rows {
         }
     }
 
-    /// Vertices that the shapes move farthest, from as many regions of the mesh.
+    /// For each shape the vertices that it moves farthest, each from another region of the mesh.
     fn farthest(shapes: &Array2<f32>) -> Rows {
         let count = shapes.ncols();
         let region = (shapes.nrows() / 3).div_ceil(REGIONS).max(1);
@@ -96,7 +97,7 @@ impl Rows {
         Rows::of(chosen, shapes)
     }
 
-    /// Sets weights of `frames` to zero as long as these vertices stay within their bounds.
+    /// Sets weights of `frames` to zero as long as these vertices stay within the frames' bounds.
     fn sparsify(
         &self,
         flat: &Array2<f32>,
@@ -138,7 +139,7 @@ impl Rows {
         }
     }
 
-    /// What the weighted shapes leave of a frame, `[3n]`.
+    /// The frame minus the weighted shapes, `[3n]`.
     fn left(&self, frame: ArrayView1<'_, f32>, weights: &[f32]) -> Vec<f32> {
         let coordinates = self.vertices.iter().flat_map(|v| 3 * v..3 * v + 3);
         let mut left: Vec<f32> = coordinates.map(|c| frame[c]).collect();
@@ -161,8 +162,8 @@ impl Rows {
     }
 }
 
-/// Square and number of the vertex that each of `count` shapes moves farthest; `rows` `[3n, count]`
-/// begin with the vertex `first`.
+/// For each of `count` shapes, the squared displacement and the number of the vertex that it moves
+/// farthest. `rows` `[3n, count]` begin with vertex `first`.
 fn farthest_of_each(rows: &[f32], count: usize, first: usize) -> Vec<(f32, usize)> {
     let mut best = vec![(-1.0, first); count];
     for (v, vertex) in rows.chunks_exact(3 * count).enumerate() {
@@ -210,7 +211,7 @@ fn errors_of_frames(flat: &Array2<f32>, weights: &Array2<f32>, shapes: &Array2<f
 mod tests {
     use super::*;
 
-    /// Forty shapes over `vertices`, of which each frame moves all, some hardly.
+    /// Forty shapes over `vertices`. Each frame moves all of them, some only a little.
     fn motion(frames: usize, vertices: usize) -> (Array2<f32>, Array2<f32>, Array2<f32>) {
         let shapes = Array2::from_shape_fn((3 * vertices, 40), |(c, k)| {
             ((c + 1) as f32 * (k + 1) as f32 * 0.61).sin()
@@ -247,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_vertex_that_was_not_asked_is_met_all_the_same() {
-        // Each shape has vertices of its own that it alone moves, and all move the last one a little.
+        // Each shape moves vertices that no other shape moves. All shapes move the last vertex a little.
         let vertices = 40 * REGIONS;
         let mut shapes = Array2::zeros((3 * vertices, 40));
         for k in 0..40 {

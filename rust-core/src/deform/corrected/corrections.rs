@@ -1,4 +1,4 @@
-//! The corrections of a mesh, and a decoder together with them.
+//! The corrections of a mesh, and a decoder whose frames they correct.
 
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
@@ -23,17 +23,18 @@ use crate::{
 pub struct Corrections {
     pub(super) to_canonical: Similarity,
     jaw: Jaw,
-    /// Vertex, share and offset from the jaw's hinge (canonical centimetres) of what the jaw carries.
+    /// The vertices that the jaw carries: number, share and offset from its hinge (canonical
+    /// centimetres).
     pub(super) carried: Vec<(u32, f32, [f32; 3])>,
     /// The share by which each landmark moves; `None` for a face with all features.
     moving: Option<Vec<f32>>,
-    /// The mouth; `None` without two rims.
+    /// The slit of the mouth; `None` if its lips are one surface or it does not have two rims.
     mouth: Option<Slit>,
     /// Lips that are one surface.
     joined: Option<JoinedLips>,
-    /// The eyes that have lids.
+    /// The lids of the eyes that have them.
     lids: Vec<Eyelids>,
-    /// The skin about the eyes.
+    /// The skin around the eyes.
     about_eyes: Untangle,
 }
 
@@ -86,8 +87,8 @@ impl Corrections {
         }
     }
 
-    /// Landmarks `[T, 68, 3]` without what this face cannot do: features that it lacks rest, and lips that are one
-    /// surface move as one.
+    /// Landmarks `[T, 68, 3]` without the motion that this face cannot show: features that it lacks
+    /// stay at rest, and lips that are one surface move as one.
     pub(super) fn adapt_landmarks<'a>(
         &self,
         landmarks: ArrayView3<'a, f32>,
@@ -115,7 +116,7 @@ impl Corrections {
         self.shut(landmarks, frame);
     }
 
-    /// Closes the lids and keeps the skin about them from turning over.
+    /// Closes the lids, and keeps the skin around them from turning inside out.
     pub(super) fn shut(&self, landmarks: &[f32], frame: &mut [f32]) {
         for lids in &self.lids {
             lids.apply(landmarks, frame);
@@ -123,7 +124,7 @@ impl Corrections {
         self.about_eyes.apply(frame);
     }
 
-    /// The landmarks `[T, 68, 3]` that the decoder gets: those that would move no skin of this face rest.
+    /// The landmarks `[T, 68, 3]` for the decoder: landmarks that move no skin of this face stay at rest.
     pub(super) fn landmarks_for_decoder(&self, landmarks: &Array3<f32>) -> Array3<f32> {
         let mut for_decoder = landmarks.clone();
         for mut frame in for_decoder.outer_iter_mut() {
@@ -133,21 +134,21 @@ impl Corrections {
         for_decoder
     }
 
-    /// Vertices from which the openings of mouth and eyes are computed, and the skin about them.
+    /// Vertices from which the openings of mouth and eyes are computed, and the skin around the eyes.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let mouth = self.mouth.iter().flat_map(Slit::rims);
         let lids = self.lids.iter().flat_map(Eyelids::rims);
         mouth.chain(lids).chain(self.about_eyes.vertices())
     }
 
-    /// Vertices that are moved by more than the decoder and the jaw.
+    /// Vertices that the corrections of mouth and eyes move, after the decoder and the jaw.
     pub(super) fn touched_vertices(&self) -> impl Iterator<Item = u32> {
         let mouth = self.mouth.iter().flat_map(Slit::touched_vertices);
         let lids = self.lids.iter().flat_map(Eyelids::touched_vertices);
         mouth.chain(lids).chain(self.about_eyes.vertices())
     }
 
-    /// Moves what follows the jaw.
+    /// Moves the vertices that follow the jaw.
     fn carry(&self, landmarks: &[f32], frame: &mut [f32]) {
         if self.carried.is_empty() {
             return;
@@ -204,7 +205,7 @@ impl<D: Deformer> Corrected<D> {
         Ok(out)
     }
 
-    /// Hands every frame of `moved` `[T, V, 3]` with its landmarks to `correct`.
+    /// Calls `correct` with the landmarks and the displacements of every frame of `moved` `[T, V, 3]`.
     pub(super) fn each_frame(
         &self,
         landmarks: ArrayView3<'_, f32>,

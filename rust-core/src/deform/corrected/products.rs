@@ -15,12 +15,13 @@
 //!    these vertices is the rest.
 //!
 //! A frame costs the decoding of these few vertices and S products for each of their coordinates, instead of both for
-//! all of V. The few are the skin about mouth and eyes, and the vertices that are shown.
+//! all of V. The few are the skin around mouth and eyes, and the vertices that are shown.
 //!
-//! Not obvious: every vertex must count once. What the jaw carries has shapes of 0 in parts 1 and 3, unless a
-//! correction also touches it. Such a vertex leaves part 2: part 1 takes the decoder's motion for it, and the
-//! difference of part 3 replaces that by the true one. Rims are among the few vertices because corrections read them,
-//! even where they do not move them.
+//! Not obvious: every vertex must count once. For a vertex that the jaw carries, the shapes are set
+//! to 0 in parts 1 and 3. If a correction also touches the vertex, it is left out of part 2
+//! instead: part 1 counts the decoder's motion for it, and the difference in part 3 replaces that
+//! motion with the true one. Rims are among the few vertices because corrections read them, even
+//! where they do not move them.
 //!
 //! What can go wrong: a decoder that is not linear, or that cannot decode a few vertices alone, has no products. Then
 //! [`CorrectedProducts::new`] returns `None`, and the caller decodes whole frames.
@@ -37,19 +38,19 @@ use crate::{
     job::SILENT,
 };
 
-/// Everything of a mesh and its shapes that products need.
+/// The parts of a mesh and its shapes that products need.
 pub(super) struct CorrectedProducts {
     /// Products of the decoder alone, without the vertices that the jaw carries.
     linear: Box<dyn ShapeProducts>,
-    /// `[12, S]`, products of what the jaw carries.
+    /// `[12, S]`: products of the vertices that the jaw carries, for each number of its pose.
     carried: Array2<f64>,
     /// Corrections of the whole mesh.
     corrections: Corrections,
-    /// The deformer of some vertices: those that are corrected and those that are shown.
+    /// The deformer of the few vertices that corrections move or read, or that are shown.
     few: Corrected<Box<dyn Deformer>>,
     /// `[3 · few, S]`: the shapes at these vertices, 0 where the jaw carries a vertex.
     shapes: Array2<f32>,
-    /// Places among the few vertices of those that are shown.
+    /// Index of each shown vertex among the few.
     shown: Vec<usize>,
 }
 
@@ -100,7 +101,7 @@ impl CorrectedProducts {
     }
 }
 
-/// `[12, S]`: what each number of the jaw's pose contributes to each product by way of these vertices.
+/// `[12, S]`: how much each number of the jaw's pose adds to each product through the carried vertices.
 fn of_carried(
     corrections: &Corrections,
     shapes: ArrayView3<'_, f32>,

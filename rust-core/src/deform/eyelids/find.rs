@@ -1,24 +1,32 @@
-//! Finds, once in the neutral face, which vertices the lids of an eye carry along and by which share.
+//! Finds which vertices the lids of an eye carry along, and by which share. This runs once, in the
+//! neutral face.
 //!
-//! 1. The edges of both lids come with the eye's opening, at [`SAMPLES`] places. The rim of a lid has the skin vertex
-//!    nearest to each of these places, if it lies within [`RIM_OF_WIDTH`] widths of the eye. A place of the edge
-//!    moves as the two rim vertices beside it do, so no vertex has to lie on the edge itself.
-//! 2. Every vertex that follows skin within three widths of the eye's centre may be carried along. Its root is its own
-//!    place if it is skin, and else the place of the skin that it follows.
-//! 3. A root between both edges is the eye itself. Any other root belongs to the lid on whose side of the middle
-//!    between the edges it lies.
-//! 4. The share falls with the distance from the edge. It falls more slowly behind the edge, where the lining of the
-//!    lid must come along ([`follow_share`]). Distances are relative to the size of the eye.
-//! 5. A part is lashes if at least [`LASH_SHARE`] of its vertices have their root within [`LASH_CM`] of the edge of one
-//!    lid. It then follows that lid fully, wherever its single vertices lie.
-//! 6. The lids are lifted off the ball by the sagitta of their widest step between two rim vertices, because flat
-//!    triangles cut into a ball. The clearance that they have already is subtracted.
+//! 1. The eye's opening gives the edges of both lids, at [`SAMPLES`] places each. For each place,
+//!    the skin vertex of that lid nearest to it becomes a rim vertex, if it lies within
+//!    [`RIM_OF_WIDTH`] widths of the eye. A place on the edge moves as the two rim vertices beside
+//!    it do, so no vertex has to lie on the edge itself.
+//! 2. A vertex may be carried along if it follows skin and lies within three widths of the eye's
+//!    centre. Its root is its own position if it is skin, and otherwise the position of the skin
+//!    that it follows.
+//! 3. A root between both edges belongs to the eye itself. Any other root belongs to the lid on its
+//!    side of the line midway between the edges.
+//! 4. The share falls with the distance from the edge. It falls more slowly behind the edge,
+//!    because the lining of the lid must come along ([`follow_share`]). Distances are relative to
+//!    the size of the eye.
+//! 5. A part counts as lashes if at least [`LASH_SHARE`] of its vertices have their root within
+//!    [`LASH_CM`] of the edge of one lid. All its vertices then follow that lid fully, wherever
+//!    they lie.
+//! 6. Flat triangles cut into a ball, so the lids are lifted off it. The lift is the sagitta of the
+//!    widest step between two neighbouring rim vertices, less the clearance that the lids already
+//!    have.
 //!
-//! The cost is a few passes over V, and a few times [`SAMPLES`] distances for each vertex near the eye.
+//! The cost is a few passes over `V`, plus a few times [`SAMPLES`] distances for each vertex near
+//! the eye.
 //!
-//! What can go wrong: a lid may have fewer than two rim vertices, as on a very coarse mesh or where the landmarks lie
-//! off the eye. Such an eye has no lids. A few outliers among the rim do not change the lift, since the lower quarter
-//! of the clearances counts and the lift is at most the second value of [`CLEAR_CM`].
+//! What can go wrong: on a very coarse mesh, or where the landmarks lie off the eye, a lid may have
+//! fewer than two rim vertices. Such an eye gets no lids. A few outliers in the rim do not change
+//! the lift, because it depends on the lower quartile of the clearances and is at most the second
+//! value of [`CLEAR_CM`].
 //!
 //! Lengths are canonical centimetres.
 
@@ -38,15 +46,16 @@ use crate::{
     mesh::{Parts, Similarity, canonical_landmarks, ibug::EYES},
 };
 
-/// Least distance of the lids from the ball, and the most that is added to the distance that they have.
+/// Least clearance of the lids from the ball, and the most by which they are lifted.
 const CLEAR_CM: (f32, f32) = (0.01, 0.04);
-/// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
+/// On an eye of canonical size, a part counts as lashes if most of its roots lie within this
+/// distance of the edge of one lid.
 const LASH_CM: f32 = 0.35;
 const LASH_SHARE: f32 = 0.6;
-/// An edge of the lids has its vertex within this distance, in widths of the eye.
+/// A rim vertex lies within this distance of its place on the edge, in widths of the eye.
 const RIM_OF_WIDTH: f32 = 0.2;
 
-/// Finds the lids of a face. An eye without skin about it has none.
+/// Finds the lids of a face. An eye with too few rim vertices has none.
 pub(in crate::deform) fn eyelids(face: &Face, surface: &FaceSurface) -> Vec<Eyelids> {
     let drives = face.openings().drives();
     let lids = drives.iter().filter_map(|drive| {
@@ -91,7 +100,7 @@ impl Neutral<'_> {
         })
     }
 
-    /// The vertices nearest to a lid's edge, and the edge between them.
+    /// The rim of a lid: the vertices nearest to its edge, and how the edge follows them.
     fn rim(&self, lid: usize) -> Option<Rim> {
         let edge = &self.opening.edges[lid];
         let mut vertices = self.nearest_to(edge, lid as u8);
@@ -109,7 +118,7 @@ impl Neutral<'_> {
         })
     }
 
-    /// The vertex of a lid's skin nearest to each sample of its edge, where one is near.
+    /// For each sample of a lid's edge, the nearest vertex of that lid's skin, if one is near.
     fn nearest_to(&self, edge: &[[f32; 3]; SAMPLES], lid: u8) -> Vec<RimVertex> {
         let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
         for (v, &p) in self.surface.positions.iter().enumerate() {
@@ -131,7 +140,7 @@ impl Neutral<'_> {
             .collect()
     }
 
-    /// On which lid a point lies: 0 the upper one, 1 the lower one.
+    /// The lid on which a point lies: 0 for the upper one, 1 for the lower one.
     fn lid_of(&self, p: [f32; 3]) -> u8 {
         let k = self.opening.sample_at(p[0]).round() as usize;
         let edges = &self.opening.edges;
@@ -181,8 +190,8 @@ impl Neutral<'_> {
         touched
     }
 
-    /// The place of the skin that moves a vertex near the eye, in the eye's frame, and the share by which the vertex
-    /// follows it.
+    /// The position of the skin that moves a vertex near the eye, in the eye's frame, and the share
+    /// by which the vertex follows it.
     fn root(&self, v: usize) -> Option<([f32; 3], f32)> {
         let local = |v: usize| self.opening.frame.local(self.surface.positions[v]);
         let Follows::Skin(corners) = self.surface.follows[v] else {
@@ -205,7 +214,7 @@ impl Neutral<'_> {
         Some((place, whole))
     }
 
-    /// For each part the lid whose lashes it is.
+    /// For each part, the lid whose lashes it is, if any.
     fn lashes(&self) -> Vec<Option<u8>> {
         let mut counts = vec![[0usize; 3]; self.parts.count];
         for v in 0..self.surface.follows.len() {
@@ -233,7 +242,7 @@ impl Neutral<'_> {
         counts.into_iter().map(lid).collect()
     }
 
-    /// The place of a lid's edge at a place across.
+    /// The point on a lid's edge at the coordinate `across`.
     fn on_edge(&self, lid: u8, across: f32) -> [f32; 3] {
         between_samples(
             &self.opening.edges[usize::from(lid)],
@@ -241,7 +250,7 @@ impl Neutral<'_> {
         )
     }
 
-    /// Distance of a place from a lid's edge, and how far it lies behind it.
+    /// Distance of a position from a lid's edge, and how far it lies behind the edge.
     fn off_edge(&self, lid: u8, place: [f32; 3]) -> (f32, f32) {
         let edge = &self.opening.edges[usize::from(lid)];
         let pieces = edge.windows(2).map(|ends| {
@@ -253,13 +262,13 @@ impl Neutral<'_> {
         (distance, nearest[2] - place[2])
     }
 
-    /// Width of this eye to that of the canonical face.
+    /// Width of this eye relative to that of the canonical face.
     fn size(&self) -> f32 {
         let marks = canonical_landmarks();
         self.opening.width / (100.0 * Vec3::from(marks[45]).distance(marks[42].into()))
     }
 
-    /// By which share a place follows its lid.
+    /// The share by which a position follows its lid.
     fn share(&self, lid: u8, place: [f32; 3]) -> f32 {
         if lid == BETWEEN_LIDS {
             return 1.0;
@@ -269,8 +278,8 @@ impl Neutral<'_> {
         follow_share(f64::from(distance / size), f64::from(behind / size)) as f32
     }
 
-    /// What the vertices of both edges lack to keep clear of the ball when they slide over it: flat
-    /// triangles between them cut into it by the square of their size.
+    /// How far the lids must be lifted so that their edges clear the ball as they slide over it.
+    /// Flat triangles between rim vertices cut into the ball by the square of their size.
     fn lift(&self, rims: &[Rim; 2]) -> f32 {
         let heights = rims.iter().flat_map(|rim| &rim.vertices).map(|v| {
             let length = Vec3::from(v.place).length();
@@ -287,7 +296,7 @@ impl Neutral<'_> {
     }
 }
 
-/// The two of a rim between which `across` lies, with their shares.
+/// The two rim vertices on either side of `across`, with their shares.
 fn between(vertices: &[RimVertex], across: f32) -> Between {
     let after = vertices.partition_point(|v| v.place[0] < across);
     let after = after.clamp(1, vertices.len() - 1);

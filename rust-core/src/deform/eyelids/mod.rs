@@ -1,38 +1,46 @@
-//! Lids that close by a share of their own eye's opening and slide over its ball.
+//! Closes each lid by a share of its own eye's opening and slides it over the eyeball.
 //!
-//! Landmarks say by which share of its opening an eye is closed. Each head has eyes that are open by another height, so
-//! only the share carries over from the canonical face. [`Face::motion_on_mesh`](crate::face::Face::motion_on_mesh)
-//! lets the landmarks of the lids travel as far as the eyes of this head are open. A decoder then moves the skin, but
-//! it knows neither the edges of the lids nor the ball behind them. This module turns the lids that it moved about the
-//! centre of the eye until their edges are as far apart as the share says.
+//! The landmarks tell the share by which an eye is closed. Eyes differ in height from head to head,
+//! so only the share carries over from the canonical face.
+//! [`Face::motion_on_mesh`](crate::face::Face::motion_on_mesh) lets the landmarks of the lids
+//! travel as far as the eyes of this head are open. A decoder then moves the skin, but it knows
+//! neither the edges of the lids nor the ball behind them. This module turns the lids that the
+//! decoder moved about the centre of the eye until their edges are as far apart as the share
+//! requires.
 //!
-//! Once, in the neutral face, [`find`] notes the edges of both lids and what they carry along. Then for each eye and
-//! frame ([`Eyelids::apply`]):
-//! 1. The rise and fall of the landmarks of the lids, over the opening of the eye, is the share by which it is closed.
-//! 2. Each of the [`SAMPLES`] places of an edge has an elevation, its angle above the eye's middle seen from the
-//!    centre. The difference between both lids is the opening there.
-//! 3. The opening that the share asks for, less the one that the decoder left, is the angle that both lids lack. The
-//!    upper lid turns by [`UPPER_SHARE`] of it and the lower lid by the rest, the other way. The axis runs from
-//!    corner to corner.
-//! 4. Every vertex of a lid turns by its share of the angle at its place. A turn keeps the distance from the centre.
-//!    Where the decoder lost some of that distance, the vertex is pushed out to where it lay over the ball at rest.
-//! 5. A row of lashes moves with the edge and rolls as one. Other things on a lid turn with the skin under them. An eye
-//!    that is skin itself goes back to rest as the lids close.
+//! Once, in the neutral face, [`find`] finds the edges of both lids and the vertices that they
+//! carry along. Then, for each eye and frame ([`Eyelids::apply`]):
+//! 1. The share by which the eye is closed is the distance by which the landmarks of the upper and
+//!    the lower lid approach each other, relative to the opening of the eye.
+//! 2. Each of the [`SAMPLES`] places of an edge has an elevation: its angle above the middle of the
+//!    eye, seen from the centre. The difference in elevation between both lids is the opening
+//!    there.
+//! 3. The missing angle is the opening that the share requires, less the opening that the decoder
+//!    left. The upper lid turns by [`UPPER_SHARE`] of it, and the lower lid by the rest in the
+//!    opposite direction. The axis runs from corner to corner.
+//! 4. Every vertex of a lid turns by its share of the angle at its place. A turn keeps the distance
+//!    from the centre. Where the decoder lost some of that distance, the vertex is pushed out to
+//!    its height over the ball at rest.
+//! 5. A row of lashes moves with the edge and rolls as a whole. Other things on a lid turn with the
+//!    skin under them. If the eye itself is skin, it returns to its rest position as the lids
+//!    close.
 //!
 //! The cost of a frame is one pass over the samples and one over the vertices that the lids carry along.
 //!
 //! Not obvious:
-//! - Up to [`EXACT_FROM`] of closing the turn fades in, so that an open eye keeps the opening that its landmarks gave
-//!   it. Lids without landmarks are turned fully at all times.
-//! - Towards the corners the turn fades out, because both lids meet there and their landmarks say best where.
-//! - Shut lids overlap by [`OVERLAP_CM`], the upper one lies [`BEFORE_CM`] before the lower one, and each sample closes
-//!   as far as the one beside it that closes furthest. Otherwise slivers between the vertices of both edges would stay
-//!   open.
-//! - Nearly shut lids are also drawn in where the decoder has them further out than that.
+//! - The turn fades in up to a closing of [`EXACT_FROM`], so that an open eye keeps the opening
+//!   that its landmarks gave it. Lids without landmarks always turn fully.
+//! - The turn fades out towards the corners. Both lids meet there, and the landmarks show best
+//!   where.
+//! - Shut lids overlap by [`OVERLAP_CM`], the upper lid lies [`BEFORE_CM`] in front of the lower
+//!   one, and each sample closes as far as the neighbouring sample that closes furthest. Otherwise
+//!   slivers would stay open between the vertices of both edges.
+//! - Nearly shut lids are also drawn in where the decoder put them further out than that.
 //!
-//! What can go wrong: an eye whose lids have fewer than two rim vertices has no [`Eyelids`] and follows its
-//! landmarks. Lids that are sculpted shut, or are one surface with the eye, rest: nothing is corrected, and the
-//! decoder does not get the motion of their landmarks ([`Eyelids::clear_silent`]).
+//! What can go wrong: an eye with fewer than two rim vertices on a lid has no [`Eyelids`] and
+//! follows its landmarks. Lids that are sculpted shut, or that form one surface with the eye, rest:
+//! this module corrects nothing, and the decoder does not get the motion of their landmarks
+//! ([`Eyelids::clear_silent`]).
 //!
 //! Lengths are canonical centimetres.
 
@@ -46,26 +54,27 @@ use serde::{Deserialize, Serialize};
 use crate::face::eyes::{Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
 pub(super) use find::eyelids;
 
-/// From this share of closing on the opening is exactly what the landmarks ask for.
+/// From this share of closing on, the opening is exactly what the landmarks require.
 const EXACT_FROM: f32 = 0.5;
 /// Lids that the decoder does not move open wider by at most this share.
 const MOST_WIDE: f32 = 0.4;
 /// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
 const OVERLAP_CM: f32 = 0.03;
-/// The upper lid then lies this far before the lower one: two edges at one depth would cross in a zigzag.
+/// Shut, the upper lid lies this far in front of the lower one. At equal depth, the two edges would
+/// cross in a zigzag.
 const BEFORE_CM: f32 = 0.03;
-/// From this share of closing on they begin to overlap.
+/// From this share of closing on, the lids begin to overlap.
 const OVERLAP_FROM: f32 = 0.6;
 
-/// Within so many samples of a corner the landmarks alone move the lids more and more, because they say best where both
-/// lids meet. The second value is for eyes away from the landmarks.
+/// Within this many samples of a corner the correction fades out and the landmarks take over,
+/// because they show best where both lids meet. The second value is for eyes without landmarks.
 const FROM_CORNER: f32 = 4.0;
 const FROM_CORNER_ALONE: f32 = 1.0;
 
-/// Instead of a lid: the eye itself, where that is skin.
+/// Stands in place of a lid for the eye itself, where the eye is skin.
 const BETWEEN_LIDS: u8 = 2;
 
-/// Landmarks of upper and lower lid that face each other.
+/// Landmarks of the upper and the lower lid that face each other.
 type LidPairs = [(usize, usize); 2];
 
 /// Two vertices of a rim with their shares.
@@ -82,56 +91,57 @@ struct RimVertex {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Rim {
     vertices: Vec<RimVertex>,
-    /// `[SAMPLES]`: numbers among the vertices.
+    /// `[SAMPLES]`: indices into `vertices`.
     samples: Vec<Between>,
     /// `[SAMPLES]`: the edge, in the eye's frame.
     edge: Vec<[f32; 3]>,
-    /// `[SAMPLES]`: its elevation seen from the eye's centre, radians.
+    /// `[SAMPLES]`: elevation of the edge at rest, seen from the eye's centre, radians.
     rest: Vec<f32>,
 }
 
-/// A vertex that lids carry along.
+/// A vertex that a lid carries along.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Touched {
     vertex: u32,
-    /// 0 the upper lid, 1 the lower one, or [`BETWEEN_LIDS`].
+    /// 0 for the upper lid, 1 for the lower one, or [`BETWEEN_LIDS`].
     lid: u8,
-    /// Where its place lies among the samples.
+    /// Its place along the edge, in samples.
     at: f32,
-    /// By which share it follows the lid.
+    /// The share by which it follows the lid.
     share: f32,
-    /// In the neutral face: where it, or what it is rooted in, lies in the eye's frame.
+    /// Rest position of the vertex, or of its root if it has one, in the eye's frame.
     place: [f32; 3],
-    /// From its root to itself, where it has one.
+    /// How the vertex stands on its root, if it has one.
     stem: Option<Stem>,
 }
 
-/// How something that is no skin stands on a lid.
+/// How something other than skin stands on a lid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Stem {
     offset: [f32; 3],
-    /// Whether the root is a place of the lid's edge, and not of the skin that it follows.
+    /// Whether the root lies on the edge of the lid instead of on the skin that the vertex follows.
     is_lash: bool,
 }
 
 /// The lids of one eye.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Eyelids {
-    /// Of the eyes of the landmarks that say how far these lids close: pairs of upper and lower landmark, and how
-    /// far that eye is open there.
+    /// For each eye of the landmarks that drives these lids: its pairs of upper and lower landmark,
+    /// and how far that eye is open at each pair.
     eyes: Vec<(LidPairs, [f32; 2])>,
-    /// Of several eyes the one that closes further counts, else the one that closes less.
+    /// Whether the eye that closes further counts if there are several; otherwise the one that
+    /// closes less counts.
     larger: bool,
-    /// Landmarks that say how far lids close, or nothing, and move no skin.
+    /// Landmarks that move no skin. They only tell how far lids close, if anything.
     silent: Range<usize>,
-    /// Whether the decoder does not move these lids, since no landmarks lie on them.
+    /// Whether the decoder leaves these lids alone because no landmarks lie on them.
     alone: bool,
     /// Whether these lids cannot close.
     at_rest: bool,
-    /// The eye's axes and the canonical way up, in the mesh's own axes.
+    /// The eye's axes and the canonical up direction, in the mesh's own axes.
     axes: [[f32; 3]; 3],
     up: [f32; 3],
-    /// Mesh units to centimetres.
+    /// Centimetres per mesh unit.
     to_cm: f32,
     ball: Eyeball,
     /// How far shut lids are lifted off the ball.
@@ -140,32 +150,32 @@ pub(super) struct Eyelids {
     touched: Vec<Touched>,
 }
 
-/// How far both edges turn in a frame.
+/// How far both edges turn in one frame.
 struct Turns {
-    /// Added to what the decoder made, radians.
+    /// Added to the decoder's motion, radians.
     added: [[f32; SAMPLES]; 2],
-    /// From the neutral face, radians.
+    /// Turn relative to the neutral face, radians.
     whole: [[f32; SAMPLES]; 2],
-    /// The mean of that over the middle half of each edge: a row of lashes rolls as one.
+    /// Mean of `whole` over the middle half of each edge, because a row of lashes rolls as a whole.
     roll: [f32; 2],
-    /// Displacements of the edges in the end.
+    /// Final displacements of the edges.
     edges: [[[f32; 3]; SAMPLES]; 2],
     lift: [Lift; 2],
-    /// By which share the eye's opening is decided here.
+    /// The share to which this module, and not the decoder, sets the eye's opening.
     hold: f32,
 }
 
 /// How a lid lies over the ball.
 #[derive(Clone, Copy)]
 struct Lift {
-    /// How much further out than in the neutral face.
+    /// How much further out the lid lies than in the neutral face.
     out: f32,
-    /// By which share it is drawn in where the decoder has it further out than that.
+    /// The share by which the lid is drawn in where the decoder put it further out than that.
     hug: f32,
 }
 
 impl Lift {
-    /// The same where a place near the corners takes this share.
+    /// The lift scaled by `share`, as for a place near a corner.
     fn times(self, share: f32) -> Lift {
         Lift {
             out: share * self.out,
@@ -175,7 +185,7 @@ impl Lift {
 }
 
 impl Eyelids {
-    /// Vertices from which the opening is computed.
+    /// The vertices that determine the opening.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let both = self.rims.iter().flat_map(|rim| &rim.vertices);
         both.map(|v| v.vertex)
@@ -193,13 +203,13 @@ impl Eyelids {
         })
     }
 
-    /// Vertices that it moves.
+    /// The vertices that the lids carry along.
     pub(super) fn touched_vertices(&self) -> impl Iterator<Item = u32> {
         self.touched.iter().map(|touched| touched.vertex)
     }
 
-    /// The same lids for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
-    /// vertex of the rims must have one.
+    /// The same lids on a reduced mesh. `new` gives the new number of a vertex that is left; every
+    /// rim vertex must have one.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Eyelids {
         let mut lids = self.clone();
         for v in lids.rims.iter_mut().flat_map(|rim| &mut rim.vertices) {
@@ -219,7 +229,7 @@ impl Eyelids {
         landmarks[3 * self.silent.start..3 * self.silent.end].fill(0.0);
     }
 
-    /// By how much a landmark rises, centimetres.
+    /// How far a landmark rises, centimetres.
     fn height(&self, landmarks: &[f32], n: usize) -> f32 {
         let moved = [0, 1, 2].map(|i| landmarks[3 * n + i]);
         self.to_cm * Vec3::from(moved).dot(self.up.into())
@@ -244,7 +254,8 @@ impl Eyelids {
         }
     }
 
-    /// The share by which the landmarks close the lids: 0 as in the neutral face, 1 shut, below 0 wide open.
+    /// The share by which the landmarks close the lids: 0 as in the neutral face, 1 shut, below 0
+    /// wider open.
     fn closed(&self, landmarks: &[f32]) -> f32 {
         let share = |(pairs, openings): &(LidPairs, [f32; 2])| {
             let closing = |&(upper, lower): &(usize, usize)| {
@@ -261,7 +272,7 @@ impl Eyelids {
         of_all.unwrap_or(0.0).min(1.0)
     }
 
-    /// By which share the lids move by their own rules at a place among the samples: less near the corners.
+    /// The share of the correction at a place along the edge, in samples: less near the corners.
     fn off_corners(&self, at: f32) -> f32 {
         let from_corner = match self.alone {
             true => FROM_CORNER_ALONE,
@@ -270,7 +281,7 @@ impl Eyelids {
         off_corners(at, from_corner)
     }
 
-    /// A displacement in the eye's frame, centimetres.
+    /// Converts a displacement from the mesh's axes and units to the eye's frame, centimetres.
     fn local(&self, moved: [f32; 3]) -> [f32; 3] {
         let [across, up, out] = &self.axes;
         let along = |axis: &[f32; 3]| self.to_cm * Vec3::from(*axis).dot(moved.into());
@@ -316,8 +327,8 @@ impl Eyelids {
         }
     }
 
-    /// By how much the decoder's openings differ from the requested ones, radians. `elevations`: of both edges, as the
-    /// decoder moved them.
+    /// How far the decoder's openings fall short of the required ones, radians. `elevations`: of
+    /// both edges, as the decoder moved them.
     fn shortfall(
         &self,
         closed: f32,
@@ -330,7 +341,7 @@ impl Eyelids {
             let opening = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
             opening - (elevations[0][k] - elevations[1][k])
         });
-        // Where lids shut, nothing between the samples stays open.
+        // Where lids shut, no gap may stay open between the samples.
         let most = beside(&change, |before, here, after| {
             here + shut * (before.min(here).min(after) - here)
         });
@@ -358,7 +369,7 @@ impl Eyelids {
         })
     }
 
-    /// What a displacement of a vertex lacks, both in the eye's frame.
+    /// The correction to add to a vertex's displacement, both in the eye's frame.
     fn change(&self, touched: &Touched, moved: [f32; 3], turns: &Turns) -> [f32; 3] {
         let Touched {
             place, share, at, ..
@@ -396,8 +407,9 @@ impl Eyelids {
         }
     }
 
-    /// What a displacement of a neutral place lacks where it shall turn by an angle and keep off the ball;
-    /// by which share it follows its lid, and how far the lid is lifted.
+    /// The correction to the displacement of a rest position, such that the point turns by `angle`
+    /// and stays off the ball. `share`: by which it follows its lid. `lift`: how far the lid is
+    /// lifted.
     fn slide(
         &self,
         place: [f32; 3],
@@ -419,13 +431,13 @@ impl Eyelids {
     }
 }
 
-/// Angle of a point above the plane of across and front, radians.
+/// Angle of a point above the plane that the across and front axes span, radians.
 #[inline]
 fn elevation(p: [f32; 3]) -> f32 {
     p[1].atan2(p[2])
 }
 
-/// A point turned up by an angle about the axis across.
+/// Turns a point up by an angle about the across axis.
 #[inline]
 fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
     let (sine, cosine) = angle.sin_cos();
@@ -436,13 +448,13 @@ fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
     ]
 }
 
-/// 0 at a corner of the eye, 1 from so many samples on.
+/// Rises from 0 at a corner of the eye to 1 at `from_corner` samples from it.
 #[inline]
 fn off_corners(at: f32, from_corner: f32) -> f32 {
     ease(at.min((SAMPLES - 1) as f32 - at) / from_corner)
 }
 
-/// A value between samples.
+/// Interpolates between samples.
 #[inline]
 fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
     let (first, rest) = (place as usize, place.fract());
@@ -450,7 +462,8 @@ fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
     values[first].mixed(values[next], rest)
 }
 
-/// Each value with its two neighbours; the ends have themselves for a neighbour.
+/// Applies `of` to each value with its two neighbours. A value at an end counts as its own
+/// neighbour.
 fn beside(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; SAMPLES] {
     std::array::from_fn(|k| {
         let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));

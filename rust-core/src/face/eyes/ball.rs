@@ -1,7 +1,7 @@
 //! The ball that the lids of one eye slide over: a sphere with the bulge of the cornea.
 //!
-//! Points are those of an eye's own frame about the centre of the ball: across from corner to corner, up,
-//! and out of the face. Lengths are canonical centimetres.
+//! Points are given in an eye's own frame, about the centre of the ball. Its axes point across from
+//! corner to corner, up, and out of the face. Lengths are canonical centimetres.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -9,29 +9,31 @@ use serde::{Deserialize, Serialize};
 use super::ease;
 use crate::mesh::sphere;
 
-/// Of an eyeball to the width of its eye: 12 mm to 28 mm on human heads.
+/// Radius of an eyeball as a share of the width of its eye: 12 mm to 28 mm on human heads.
 const RADIUS_OF_WIDTH: f32 = 0.43;
-/// A radius that differs more from that is not believed, as factors.
+/// A fitted radius is rejected outside this range, as factors of the usual radius.
 const RADIUS_RANGE: (f32, f32) = (0.7, 2.0);
-/// Points this far within the first fit belong to the inside of the eye, as a share of the radius.
+/// Points within this share of the first fit's radius belong to the inside of the eye.
 const INSIDE: f32 = 0.93;
-/// The cornea stands out by no more than this, as a share of the radius.
+/// The cornea bulges by at most this, as a share of the radius.
 const MOST_BULGE: f32 = 0.25;
-/// The eye turns, its cornea with it: the bulge is full this far beside its edge and gone so far beside it.
+/// The eye turns and its cornea turns with it. So the bulge stays full up to the first angle beyond
+/// the edge of the cornea, and is gone at the second.
 const TURN_DEG: (f32, f32) = (6.0, 22.0);
 
-/// A sphere about the origin of its eye's frame that bulges to the front.
+/// A sphere about the origin of its eye's frame, with a bulge at the front.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Eyeball {
     pub radius: f32,
-    /// How far the cornea stands out of the sphere.
+    /// How far the cornea bulges out of the sphere.
     bulge: f32,
-    /// Cosines from the front axis at which the bulge is full, and gone.
+    /// Cosines of the angles from the front axis at which the bulge is full, and at which it is
+    /// gone.
     edge: (f32, f32),
 }
 
 impl Eyeball {
-    /// Of a sphere of `radius`; `points`: of the eye's surface.
+    /// Makes a sphere of `radius` with a cornea measured from `points` of the eye's surface.
     pub(crate) fn new(radius: f32, points: &[[f32; 3]]) -> Eyeball {
         let front = points.iter().filter_map(|&p| {
             let length = Vec3::from(p).length();
@@ -50,7 +52,8 @@ impl Eyeball {
         }
     }
 
-    /// Distance from the centre to the surface below a point at distance `length`.
+    /// Distance from the centre to the surface below a point `p`, which is `length` away from the
+    /// centre.
     #[inline]
     pub(crate) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
         let (full, gone) = self.edge;
@@ -59,8 +62,8 @@ impl Eyeball {
     }
 }
 
-/// Centre and radius of the sphere that fits the outermost of `points` best in the sense of least squares,
-/// where it can be an eyeball behind an eye of this `width`.
+/// Centre and radius of the least-squares sphere through the outermost of `points`. `None` if it
+/// cannot be an eyeball behind an eye of this `width`.
 pub(crate) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
     let points = points.iter().copied();
     let (centre, radius, _) = sphere::fit_sphere(points.clone())?;
@@ -71,7 +74,7 @@ pub(crate) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], 
     range.contains(&radius).then_some((centre, radius))
 }
 
-/// Radius of the ball behind an eye of this width.
+/// The usual radius of the ball behind an eye of this width.
 pub(crate) fn radius_of(width: f32) -> f32 {
     RADIUS_OF_WIDTH * width
 }
@@ -80,7 +83,8 @@ pub(crate) fn radius_of(width: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Points of a sphere's front half with a cornea of another sphere before it, and an iris inside.
+    /// Points of the front half of a sphere, with a cornea of another curvature in front and an
+    /// iris inside.
     fn eye(centre: [f32; 3]) -> Vec<[f32; 3]> {
         let turns = (0..40).flat_map(|i| (0..20).map(move |j| (i as f32 * 0.157, j as f32 * 0.1)));
         turns

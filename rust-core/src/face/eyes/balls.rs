@@ -1,6 +1,8 @@
-//! Which parts make up one eye (a ball, with the cornea and iris on it), and whose eye it is.
+//! Decides which parts make up one eye (a ball, with the cornea and iris on it), and to which eye
+//! of the landmarks it belongs.
 //!
-//! Landmarks know two eyes. A head may have one in its middle, or more than two. Lengths are canonical centimetres.
+//! The landmarks mark two eyes. A head may have one eye in its middle, or more than two eyes.
+//! Lengths are canonical centimetres.
 
 use glam::Vec2;
 
@@ -9,34 +11,34 @@ use crate::{
     mesh::{PartRole, parts::NO_PART},
 };
 
-/// The ball of an eye lies no further than this beside the middle between the eye's corners, in
-/// widths of the eye.
+/// Seen from the front, the ball of an eye lies less than this beside the middle between the
+/// corners of the eye, in widths of the eye.
 const BESIDE: f32 = 1.0;
-/// A ball belongs to one eye of the landmarks where it is this many times nearer to it than to the
-/// other. Otherwise it is the eye of both.
+/// A ball belongs to one eye of the landmarks if it is at least this many times nearer to it than
+/// to the other. Otherwise it belongs to both.
 const NEARER: f32 = 2.0;
 
 /// One eye of the mesh.
 pub(super) struct Ball {
     middle: [f32; 3],
-    /// Half its largest extent.
+    /// Half the largest extent of the ball.
     pub radius: f32,
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Whose eye a ball is.
+/// The eye of the landmarks to which a ball belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Owner {
-    /// Of the eye of the landmarks: 0 the right one, 1 the left one.
+    /// One eye of the landmarks: 0 the right one, 1 the left one.
     Eye(usize),
-    /// Both eyes of the landmarks lie about it.
+    /// Both eyes of the landmarks share this ball.
     Both,
-    /// No landmarks lie about it.
+    /// Neither eye of the landmarks has this ball.
     Nobody,
 }
 
 impl Ball {
-    /// The balls of a head, the largest first.
+    /// The balls of a head, with the largest first.
     pub fn of(positions: &[[f32; 3]], triangles: &[[u32; 3]], parts: &PartList) -> Vec<Ball> {
         let connected = &parts.connected;
         let mut of_part: Vec<Vec<[u32; 3]>> = vec![Vec::new(); connected.count];
@@ -69,13 +71,13 @@ impl Ball {
         balls
     }
 
-    /// How far a point lies beside the ball's middle, seen from the front.
+    /// How far a point lies from the ball's middle, seen from the front.
     fn beside(&self, p: [f32; 3]) -> f32 {
         Vec2::new(p[0] - self.middle[0], p[1] - self.middle[1]).length()
     }
 
-    /// Whose eye each ball is. `eyes`: the middle between the corners and the width of the right and of the left eye
-    /// of the landmarks.
+    /// The owner of each ball. `eyes`: for the right and the left eye of the landmarks, the middle
+    /// between the corners and the width.
     pub fn owners(balls: &[Ball], eyes: [Option<([f32; 3], f32)>; 2]) -> Vec<Owner> {
         let away = |ball: &Ball, eye: usize| {
             let (middle, width) = eyes[eye]?;

@@ -1,9 +1,9 @@
-//! Whether lids and eye are one surface. No slit lies between them then, and a lid that moved would
-//! drag the eye along.
+//! Decides whether lids and eye are one surface. If so, there is no slit between them, and a lid
+//! that moved would drag the eye along.
 //!
-//! Skin runs back from the edge of a movable lid along its lining and meets the eye only deep in
-//! the socket. Where lids and eye are one, the surface goes on from triangle to triangle at the
-//! edge, in sight.
+//! On a movable lid, the skin runs from the edge back along the lining and meets the eye only deep
+//! in the socket. If lids and eye are one, the surface continues from triangle to triangle at the
+//! edge, in plain sight.
 
 use std::collections::{HashMap, HashSet};
 
@@ -11,29 +11,33 @@ use glam::Vec3;
 
 use crate::{face::nearest::nearest_between, mesh::depth_at};
 
-/// The surface is followed this far above and below the edge of the upper lid, in widths of the
-/// eye, in this many steps.
+/// The surface is followed this far above the edge of the upper lid and at most this far below it,
+/// in widths of the eye.
 const BESIDE: f32 = 0.15;
+/// Number of steps in which the surface is followed.
 const STEPS: usize = 40;
-/// The surface goes on from step to step where triangles meet this closely, in widths of the eye.
+/// The surface connects two neighbouring places if triangles between them share edges nearer than
+/// this to the line from one to the other, in widths of the eye.
 const TUBE: f32 = 0.04;
-/// Places of a step at which its distance from an edge is measured.
+/// Each step is divided into this many parts. The distance from an edge is measured at their ends.
 const PLACES: usize = 4;
-/// Lids are joined where this share of the middle half of their edge is.
+/// Lids count as joined if the surface continues at this share of the places in the middle half of
+/// their edge.
 const SHARE: f32 = 0.5;
 
-/// Triangles in the frame of an eye.
+/// Triangles of the skin in the frame of an eye.
 struct Surface<'a> {
     triangles: &'a [[[f32; 3]; 3]],
-    /// By their edges.
+    /// The triangles at each edge.
     beside: HashMap<Edge, Vec<u32>>,
 }
 
-/// Both ends, by their bits: scans may have each triangle's corners for itself.
+/// Both ends of an edge, by the bits of their coordinates. In scans each triangle may have its own
+/// copies of its corners.
 type Edge = [[u32; 3]; 2];
 
-/// Whether the skin goes on without a break from the upper lid to the eye. `skin`: triangles in the frame of an eye of this
-/// `width`; edges of the lids from corner to corner.
+/// Whether the skin continues without a break from the upper lid to the eye. `skin`: triangles in
+/// the frame of an eye of this `width`. `upper`, `lower`: edges of the lids from corner to corner.
 pub(super) fn are_joined(
     skin: &[[[f32; 3]; 3]],
     upper: &[[f32; 3]],
@@ -62,7 +66,7 @@ impl Surface<'_> {
         Surface { triangles, beside }
     }
 
-    /// Whether the surface in sight at `above` goes on to that at `below`.
+    /// Whether the surface visible at `above` continues to the surface visible at `below`.
     fn goes_on(&self, above: [f32; 2], below: [f32; 2], tube: f32) -> bool {
         let column: Vec<u32> = (0..self.triangles.len() as u32)
             .filter(|&t| {
@@ -97,7 +101,8 @@ impl Surface<'_> {
         Some((t, Vec3::new(x, y, z)))
     }
 
-    /// Whether one triangle leads to another over edges that lie near the way between two points.
+    /// Whether a chain of triangles connects `from` and `to` across edges near the line from `p` to
+    /// `q`.
     fn meet(&self, (from, p): (u32, Vec3), (to, q): (u32, Vec3), tube: f32) -> bool {
         let is_near = |[a, b]: [[f32; 3]; 2]| {
             (0..=PLACES).any(|k| {
@@ -135,7 +140,7 @@ fn edge_key(ends: [[f32; 3]; 2]) -> Edge {
 mod tests {
     use super::*;
 
-    /// A sheet over x, folded along (y, z).
+    /// A sheet that extends along x and has a folded `profile` in (y, z).
     fn sheet(profile: &[[f32; 2]]) -> Vec<[[f32; 3]; 3]> {
         let strip = |ends: &[[f32; 2]]| {
             let corner = |x: f32, [y, z]: [f32; 2]| [x, y, z];
@@ -150,7 +155,7 @@ mod tests {
         profile.windows(2).flat_map(strip).collect()
     }
 
-    /// Whether a sheet is one with an eye of width 3 that is 1 high.
+    /// Whether a sheet is joined to an eye that is 3 wide and 1 high.
     fn joins(sheet: &[[[f32; 3]; 3]]) -> bool {
         let edge = |y: f32| -> Vec<[f32; 3]> {
             (0..24).map(|k| [-1.5 + k as f32 / 8.0, y, 0.2]).collect()

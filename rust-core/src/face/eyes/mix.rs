@@ -1,13 +1,13 @@
-//! Values between others.
+//! Interpolation between values.
 
-/// 0 up to 0, 1 from 1 on, smooth between.
+/// Rises smoothly from 0 at 0 to 1 at 1, and stays constant outside.
 #[inline]
 pub(crate) fn ease(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// What lies between two values.
+/// Linear interpolation between two values.
 pub(crate) trait Mix: Copy {
     fn mixed(self, other: Self, share: f32) -> Self;
 }

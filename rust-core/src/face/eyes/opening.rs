@@ -1,10 +1,11 @@
-//! How far one eye of a head is open, and what its lids slide over.
+//! Measures how far one eye of a head is open, and finds the ball that its lids slide over.
 //!
-//! Where a head has eyeballs, the opening is the part of them in sight from the front, however far
-//! the landmarks lie beside it. Where it has none, the opening lies between curves through the
-//! landmarks. The ball is then the sphere of the skin between them, or one of usual size. A shut
-//! upper lid stands out over the lower one at the lower landmarks, and has no edge at the upper
-//! ones. Lengths are canonical centimetres.
+//! Where a head has eyeballs, the opening is the part of the ball that is visible from the front,
+//! however far the landmarks are from it. Where it has none, the opening lies between curves
+//! through the landmarks. The ball is then a sphere fitted to the skin between the curves, or a
+//! sphere of usual size. The lids then count as sculpted shut where the upper lid stands out over
+//! the lower one at the lower landmarks, and the upper landmarks have no edge. Lengths are canonical
+//! centimetres.
 
 use glam::Vec3;
 
@@ -22,40 +23,42 @@ use crate::{
     },
 };
 
-/// Places from corner to corner at which an opening is measured.
+/// Number of samples from corner to corner at which an opening is measured.
 pub(crate) const SAMPLES: usize = 24;
-/// Cells of the picture of an eye over its width.
+/// Cells across the width of an eye in its picture.
 const CELLS: f32 = 150.0;
-/// Kinds of the cells.
+/// Kinds of cells.
 const SKIN: u8 = 1;
 const BALL: u8 = 2;
 /// The picture reaches this far beyond the corners, and above and below them, in widths of the eye.
 const PICTURE: (f32, f32) = (0.3, 0.9);
-/// Eyes whose corners lie more than this share of their width behind one another look sideways. The
-/// landmarks, which are those of faces that look ahead, do not lie on such lids. Human eyes have
-/// 0.15 to 0.25.
+/// An eye looks sideways where its corners differ in depth by more than this share of its width.
+/// The landmarks belong to faces that look ahead and do not lie on such lids. Human eyes have 0.15
+/// to 0.25.
 const SIDEWAYS: f32 = 0.55;
-/// Eyeballs lie within this distance of the middle of their eye, in its widths.
+/// Only triangles this near to the middle of an eye can belong to it, in widths of the eye.
 const NEAR: f32 = 1.5;
-/// Eyes with less of the ball in sight, as mean height to width, are sculpted shut.
+/// An eye is sculpted shut where the visible part of its ball has a smaller mean height than this,
+/// in widths of the eye.
 const LEAST_OPEN: f32 = 0.03;
-/// A step between two lids, in widths of the eye: how far beside the landmarks to look for it, and
-/// over which height.
+/// How far above and below the landmarks to look for a step between two lids, in widths of the eye.
 const STEP_BESIDE: f32 = 0.1;
+/// Height over which the step is measured, in widths of the eye.
 const STEP_HEIGHT: f32 = 0.06;
-/// Eyes that are sculpted shut have at most the first step at the upper landmarks and at least the
-/// second at the lower ones. A scan with shut eyes has 0.02 and 0.11. Open eyes of eight heads have
-/// 0.07 and more above.
+/// An eye is sculpted shut where the step is smaller than the first value at the upper landmarks
+/// and larger than the second at the lower ones, in widths of the eye. A scan with shut eyes has
+/// 0.02 and 0.11. The open eyes of eight heads have 0.07 and more at the upper landmarks.
 const SHUT_STEPS: (f32, f32) = (0.045, 0.06);
-/// A corner of an eye lies at least this far beside the visible part of its eyeball, in widths of
+/// A corner of an eye lies at least this far outside the visible part of its eyeball, in widths of
 /// the eye.
 const CORNER: f32 = 0.02;
-/// How often the edges of an eyeball's picture are smoothed, so that its cells do not show.
+/// Passes of smoothing over the edges of the visible eyeball, so that the cells of its picture do
+/// not show.
 const SMOOTHINGS: usize = 3;
-/// Skin this far inside the curves through the landmarks is the eye's own surface, in widths of the eye.
+/// Points this far inside the edges of the lids lie on the eye itself, in widths of the eye.
 const INSIDE: f32 = 0.03;
 
-/// The neutral head in which eyes are sought, canonical centimetres.
+/// The neutral head whose eyes are to be found, in canonical centimetres.
 pub(crate) struct Head<'a> {
     /// `[V]`.
     pub positions: &'a [[f32; 3]],
@@ -65,7 +68,8 @@ pub(crate) struct Head<'a> {
 }
 
 impl Head<'_> {
-    /// Triangles about the middle of an eye of this `width`, in its axes but seen from `centre`.
+    /// Triangles near the middle of an eye of this `width`, in the eye's axes with the origin at
+    /// `centre`.
     fn near(
         &self,
         triangles: &[[u32; 3]],
@@ -91,14 +95,15 @@ pub(crate) struct EyeFrame {
 
 /// The opening of one eye.
 pub(crate) struct Opening {
-    /// About the centre of the ball.
+    /// Its origin is the centre of the ball.
     pub frame: EyeFrame,
     pub ball: Eyeball,
     /// From corner to corner.
     pub width: f32,
     /// Edges of the upper and of the lower lid from corner to corner, in the eye's frame.
     pub edges: Edges,
-    /// Height of the opening at both pairs of landmarks of the lids.
+    /// Height of the opening at the two pairs of lid landmarks. An eye without landmarks is
+    /// measured at 1/3 and 2/3 of its width.
     pub heights: [f32; 2],
     /// What the lids can do.
     pub lids: Lids,
@@ -112,14 +117,15 @@ type Edges = [[[f32; 3]; SAMPLES]; 2];
 pub enum Lids {
     /// They close.
     Close,
-    /// They are sculpted shut and rest.
+    /// They are sculpted shut and do not move.
     Shut,
-    /// They are one surface with the eye, without a slit between, and rest.
+    /// They form one surface with the eye, without a slit between, and do not move.
     Joined,
 }
 
 impl EyeFrame {
-    /// About the middle between the corners; `None` where these are no corners of an eye.
+    /// The frame about the middle between two corners, and the width of the eye. `None` where the
+    /// two points cannot be the corners of an eye.
     fn between(start: [f32; 3], end: [f32; 3]) -> Option<(EyeFrame, f32)> {
         let (start, end) = (Vec3::from(start), Vec3::from(end));
         let way = end - start;
@@ -156,7 +162,8 @@ impl EyeFrame {
 }
 
 impl Opening {
-    /// Looks for one eye of the landmarks; `eyeball`: the triangles of its ball, where it has one.
+    /// Finds the eye at some landmarks. `eyeball`: the triangles of its ball, empty where it has
+    /// none.
     pub(super) fn find(head: &Head<'_>, eye: &Eye, eyeball: &[[u32; 3]]) -> Option<Opening> {
         let mut opening = Opening::open(head, &head.landmarks[eye.lids.clone()], eyeball)?;
         opening.heights = eye
@@ -165,7 +172,8 @@ impl Opening {
         Some(opening)
     }
 
-    /// Looks for an eye away from the landmarks: skin covers its ball from above and from below.
+    /// Finds an eye by its ball, without landmarks. `None` where the visible part of the ball has
+    /// no skin above and below it.
     pub(super) fn about(head: &Head<'_>, ball: &Ball) -> Option<Opening> {
         let canonical = EyeFrame {
             origin: [0.0; 3],
@@ -245,7 +253,7 @@ impl Opening {
         Some(opening)
     }
 
-    /// Height of the opening at two landmarks of upper and lower lid.
+    /// Height of the opening at a pair of landmarks, one on the upper and one on the lower lid.
     fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
         let across = |n: usize| self.frame.local(marks[n])[0];
         let k = self.sample_at(0.5 * (across(pair.0) + across(pair.1)));
@@ -253,7 +261,7 @@ impl Opening {
         self.edges[0][k][1] - self.edges[1][k][1]
     }
 
-    /// Number of the sample at a place across, with its fraction, within the opening.
+    /// Index of the sample at a position across the eye, with a fraction, clamped to the opening.
     pub(crate) fn sample_at(&self, across: f32) -> f32 {
         let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
         let place = (across - first) / (last - first).max(1e-6);
@@ -270,7 +278,7 @@ impl Opening {
     }
 }
 
-/// An eye that is part of the skin, or an empty socket.
+/// The opening of an eye without an eyeball: the eye is part of the skin, or the socket is empty.
 fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width: f32) -> Opening {
     let lids = [1, 2, 4, 5].map(|n| middle.local(marks[n]));
     let mean = |of: &dyn Fn([f32; 3]) -> f32| lids.iter().map(|p| of(*p)).sum::<f32>() / 4.0;
@@ -322,7 +330,7 @@ fn curves(frame: &EyeFrame, marks: &[[f32; 3]]) -> [[[f32; 3]; SAMPLES]; 2] {
     })
 }
 
-/// The picture of an eye whose corners have their middle at `middle`, from the front.
+/// Draws an eye as seen from the front. `middle`: the middle between its corners.
 fn picture(
     skin: &[[[f32; 3]; 3]],
     eyeball: &[[[f32; 3]; 3]],
@@ -380,12 +388,13 @@ fn ball_rows(view: &FrontView, column: usize) -> Option<(usize, usize)> {
     longest_run(view.rows(), |row| view.kind(column, row) == BALL)
 }
 
-/// The rows above and below those that show the eyeball.
+/// The rows just above and just below those that show the eyeball.
 fn lid_rows(view: &FrontView, (low, high): (usize, usize)) -> [usize; 2] {
     [(high + 1).min(view.rows() - 1), low.saturating_sub(1)]
 }
 
-/// The skin above and below a column of cells that show the eyeball.
+/// The edges of the upper and of the lower lid in a column: the outermost cells that show the
+/// eyeball, at the depth of the skin next to them where there is any.
 fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> [[f32; 3]; 2] {
     let lids = lid_rows(view, (low, high));
     [(high, lids[0]), (low, lids[1])].map(|(row, lid)| {
@@ -398,7 +407,7 @@ fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> 
 }
 
 /// The corner of an eye beyond an end of the visible part of its eyeball: its landmark, or a point
-/// `least` outside of that end where the landmark lies further in.
+/// `least` outside that end where the landmark lies further in.
 fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3] {
     if (mark[0] - upper[0]) * least.signum() > least.abs() {
         return mark;
@@ -407,7 +416,7 @@ fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3]
     [middle[0] + least, middle[1], middle[2]]
 }
 
-/// An edge with each sample's height and depth drawn to those beside it; its ends stay.
+/// Smooths the heights and depths of an edge once. Its ends stay.
 fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
     std::array::from_fn(|k| {
         if k == 0 || k == SAMPLES - 1 {
@@ -419,7 +428,7 @@ fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
     })
 }
 
-/// Whether the skin between two curves is a shut lid; `view`: of skin alone.
+/// Whether the skin between two curves is a shut lid. `view`: a picture of the skin alone.
 fn is_shut(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bool {
     let inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
     let [above, below] = edges.each_ref().map(|edge| {
@@ -433,7 +442,8 @@ fn is_shut(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bo
     above < SHUT_STEPS.0 && below > SHUT_STEPS.1
 }
 
-/// By how much more the surface stands out above a point than below it, at most.
+/// The largest step at or near a point by which the surface above stands out over the surface
+/// below.
 fn step(view: &FrontView, at: [f32; 3], width: f32) -> f32 {
     let [column, row] = view.cell_at([at[0], at[1]]);
     let cells = |share: f32| (share * CELLS) as isize;
@@ -444,11 +454,11 @@ fn step(view: &FrontView, at: [f32; 3], width: f32) -> f32 {
         let row = row as isize + beside;
         (depth(row + half) - depth(row - half)).min(width)
     });
-    // Minus infinity, where nothing is drawn, less itself is no number.
+    // Where nothing is drawn, the depth is minus infinity, and two such depths differ by NaN.
     steps.filter(|step| !step.is_nan()).fold(0.0, f32::max)
 }
 
-/// First and last number of the longest stretch for which `holds`.
+/// First and last index of the longest run for which `holds` is true.
 fn longest_run(count: usize, holds: impl Fn(usize) -> bool) -> Option<(usize, usize)> {
     let mut best: Option<(usize, usize)> = None;
     let mut start = None;

@@ -21,40 +21,43 @@ use crate::{
 
 /// The upper lid's share of a change of the opening. The lower lid does the rest.
 pub(crate) const UPPER_SHARE: f32 = 0.9;
-/// How far the lids of the canonical face travel towards each other until they are shut: `eyeBlink`
-/// of the built-in face modes, the mean of two pairs.
+/// How far the lids of the canonical face travel towards each other until they are shut. This is
+/// the mean over two pairs of landmarks in `eyeBlink` of the built-in face modes.
 const CANONICAL_WAY_CM: f32 = 0.789;
 
-/// Where lids rest, a whole blink lowers the brow by `SQUINT_M` canonical metres. The brow starts
-/// at this share of the blink.
+/// Where lids cannot close, a whole blink lowers the brow by this much, canonical metres.
 const SQUINT_M: f32 = 0.003;
+/// The share of the blink at which the brow starts to move.
 const SQUINT_FROM: f32 = 0.4;
 
 /// The eyes of a head.
 pub(crate) struct Openings {
-    /// Of the subject's right and left eye; `None` where there are no corners of an eye, or both are one.
+    /// The subject's right and left eye. `None` where the landmarks are not the corners of an eye,
+    /// or where one eye stands for both.
     of_landmarks: [Option<Opening>; 2],
-    /// Eyes beside these: one in the middle for both, or a third.
+    /// Further eyes: one in the middle that stands for both, or a third.
     more: Vec<Opening>,
-    /// Whether the eye of a cyclops is both.
+    /// Whether the head is a cyclops, whose eye in the middle stands for both.
     is_one: bool,
 }
 
-/// Lids, and the eyes of the landmarks that say how far they close.
+/// The lids of one eye, and the eyes whose landmarks say how far these lids close.
 pub(crate) struct LidDrive<'a> {
     pub opening: &'a Opening,
-    /// Numbers in [`EYES`], and how far each of these is open at its pairs, centimetres.
+    /// Indices into [`EYES`], and how far each of those eyes is open at its pairs of landmarks,
+    /// centimetres.
     pub eyes: Vec<(usize, [f32; 2])>,
-    /// Whether the largest of several shares counts. Otherwise the smallest counts.
+    /// Whether the eye that closes furthest counts where there are several. Otherwise the eye that
+    /// closes least counts.
     pub larger: bool,
-    /// Landmarks that only say how far these lids close and move no skin.
+    /// Landmarks that move no skin. At most they say how far these lids close.
     pub silent: Range<usize>,
     /// Whether no landmarks lie on these lids.
     pub is_alone: bool,
 }
 
 impl Openings {
-    /// Of the neutral face.
+    /// Measures the eyes of the neutral face.
     pub(crate) fn of(
         mesh: &Mesh,
         landmarks: &Landmarks,
@@ -103,7 +106,7 @@ impl Openings {
         }
     }
 
-    /// All lids of the head with what drives them.
+    /// The lids of every eye of the head, and the landmarks that drive them.
     pub(crate) fn drives(&self) -> Vec<LidDrive<'_>> {
         let closing: Vec<(usize, [f32; 2])> = (0..2)
             .filter_map(|eye| {
@@ -143,12 +146,13 @@ impl Openings {
         drives.chain(more).collect()
     }
 
-    /// The right (0) or left (1) eye of the landmarks; `None` where their corners are not those of an eye.
+    /// The right (0) or left (1) eye at the landmarks. `None` where the landmarks are not the
+    /// corners of an eye, or where one eye stands for both.
     pub(crate) fn of_eye(&self, eye: usize) -> Option<&Opening> {
         self.of_landmarks[eye].as_ref()
     }
 
-    /// Whether one eye in the middle is both.
+    /// Whether one eye in the middle stands for both.
     pub(crate) fn is_one(&self) -> bool {
         self.is_one
     }
@@ -159,11 +163,11 @@ impl Openings {
         self.of_landmarks.each_ref().map(lids)
     }
 
-    /// Converts landmark motion of the canonical face, `moved` `[T, 68, 3]`, canonical metres, to motion for these
-    /// eyes.
+    /// Converts landmark motion of the canonical face, `moved` `[T, 68, 3]`, canonical metres, to
+    /// motion for these eyes.
     ///
-    /// Lids travel as far as these eyes are open. Where the lids rest, the brow is lowered instead. One eye in the
-    /// middle has one brow.
+    /// A whole blink moves the lids by the height of these openings. Where the lids cannot close,
+    /// the brow goes down instead. A face with one eye in the middle has one brow.
     pub(crate) fn to_face(&self, moved: &mut Array3<f32>) {
         match self.is_one {
             true => moved.outer_iter_mut().for_each(join_brows),
@@ -174,19 +178,20 @@ impl Openings {
         }
     }
 
-    /// The inverse of [`Openings::to_face`], except for lids that rest.
+    /// The inverse of [`Openings::to_face`], except for lids that cannot close.
     pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
     }
 
-    /// Whether only eyes away from the landmarks blink.
+    /// Whether only eyes without landmarks can blink.
     fn is_elsewhere(&self) -> bool {
         let closes =
             |eye: &Option<Opening>| eye.as_ref().is_some_and(|eye| eye.lids == Lids::Close);
         !self.more.is_empty() && !self.of_landmarks.iter().any(closes)
     }
 
-    /// Lowers the brows above lids that rest, by the share by which the lids should close.
+    /// Lowers the brow over lids that cannot close. The further they should close, the lower it
+    /// goes.
     fn squint(&self, moved: &mut Array3<f32>) {
         for mut frame in moved.outer_iter_mut() {
             for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
@@ -205,7 +210,8 @@ impl Openings {
         }
     }
 
-    /// Multiplies how far lids travel by `times` of the height of the opening in centimetres.
+    /// Scales how far the lids travel. `times` gives the factor for the height of an opening in
+    /// centimetres.
     fn travel(&self, moved: &mut Array3<f32>, times: impl Fn(f32) -> f32) {
         for mut frame in moved.outer_iter_mut() {
             for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
@@ -230,14 +236,14 @@ impl Openings {
     }
 }
 
-/// Middle between the corners and width of an eye of the landmarks.
+/// The middle between the corner landmarks of an eye, and its width.
 fn eye_at(marks: &[[f32; 3]; LANDMARKS], eye: &Eye) -> Option<([f32; 3], f32)> {
     let [start, end] = [eye.lids.start, eye.lids.start + 3].map(|n| Vec3::from(marks[n]));
     let width = start.distance(end);
     (width > 0.0).then(|| (start.midpoint(end).into(), width))
 }
 
-/// Gives both brows the motion of the one that moves more. `frame`: `[68, 3]`.
+/// Gives both brows the same motion, mostly that of the brow that moves more. `frame`: `[68, 3]`.
 fn join_brows(mut frame: ArrayViewMut2<'_, f32>) {
     for n in EYES[0].brow.clone() {
         for (axis, side) in [(0, -1.0), (1, 1.0), (2, 1.0)] {

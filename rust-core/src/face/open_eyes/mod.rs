@@ -1,10 +1,11 @@
-//! Eyes that are one surface with their lids, cut free: a line around the eye, a lining behind the lids, a ball behind the
-//! eye.
+//! Cuts free the eyes that are one surface with their lids, and adds a lining behind the lids and a
+//! ball behind the eye.
 //!
-//! The line is the crease between lids and eye (`rim`). Large triangles beside it are divided, and the skin is cut
-//! there as by a level set (`split`), so that no edge has to follow it. The piece inside becomes the front of an eyeball,
-//! with its texture and all that is carved into it; lids get a lining (`sew`). No old vertex moves: at rest the
-//! surface is the same.
+//! The cut follows the crease between lids and eye (`rim`). Large triangles beside it are divided
+//! first. Then the skin is cut along a level set (`split`), so that the mesh needs no edges along
+//! the crease. The piece inside becomes the front of an eyeball and keeps its texture and
+//! everything carved into it. The lids get a lining (`sew`). No old vertex moves, so the surface at
+//! rest stays the same.
 
 mod rim;
 mod sew;
@@ -32,7 +33,8 @@ pub use trial::EyeTrial;
 /// Cuts free every eye of a face that is one surface with its lids.
 ///
 /// # Errors
-/// `InvalidInput` where no eye is; `Mesh` where no line leads around one on the skin.
+/// `InvalidInput` where no eye is one surface with its lids; `Mesh` where no single line on the
+/// skin leads around such an eye.
 pub fn open_eyes(face: &Face) -> Result<OpenedFace> {
     let joined: Vec<usize> = (0..2)
         .filter(|&eye| face.lids()[eye] == Lids::Joined)
@@ -95,7 +97,7 @@ fn name(lids: Lids) -> &'static str {
     }
 }
 
-/// The skin about an eye, in its frame.
+/// Draws the skin around an eye in the eye's frame.
 fn view(face: &Face, opening: &Opening, space: &EyeSpace) -> crate::mesh::FrontView {
     let mesh = &face.mesh;
     let skin = mesh.triangles.iter();
@@ -106,7 +108,7 @@ fn view(face: &Face, opening: &Opening, space: &EyeSpace) -> crate::mesh::FrontV
     skin_view(near, opening.width)
 }
 
-/// Puts the landmarks of an eye on the nearest places of its lids' rim.
+/// Moves the landmarks of an eye to the nearest vertices on the rim of its lids.
 fn put_on_rim(
     landmarks: &mut Landmarks,
     eye: usize,

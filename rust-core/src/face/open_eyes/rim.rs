@@ -1,9 +1,9 @@
 //! The line at which lids and eye meet: the crease between them, seen from the front.
 //!
-//! In each column from corner to corner, a place counts as a crease as far as it lies behind the
-//! mean of the places above and below it. The cheapest path through the columns (dynamic
-//! programming) follows the crease, keeps near the curve of the landmarks and does not jump. Where
-//! nothing is carved it stays on that curve.
+//! In each column from corner to corner, a place counts as a crease where it lies behind the mean
+//! of the places above and below it, and the deeper it lies, the more it counts. The cheapest path
+//! through the columns (dynamic programming) follows the crease, stays near the curve of the
+//! landmarks and does not jump. Where no crease is carved, the path stays on that curve.
 
 use glam::{Vec2, Vec3};
 
@@ -15,18 +15,19 @@ use crate::{
     mesh::FrontView,
 };
 
-/// Height of a row, in widths of the eye (0.1 mm), and how many rows the crease may lie beside the
-/// landmarks (3.4 mm).
+/// Height of a row, in widths of the eye (0.1 mm).
 const ROW: f32 = 0.004;
+/// The crease may lie this many rows above or below the landmarks (3.4 mm).
 const RANGE: i32 = 30;
-/// Distances of the places above and below, in widths of the eye.
+/// Distances to the places above and below that a place is compared with, in widths of the eye.
 const FLANKS: [f32; 3] = [0.03, 0.06, 0.1];
-/// A crease of this depth, in widths, outweighs one standard deviation from the landmarks. Beyond
-/// this many times that depth a crease weighs no more.
+/// A crease of this depth, in widths, outweighs one standard deviation from the landmarks.
 const DEEP: f32 = 0.01;
+/// A crease deeper than this many times `DEEP` weighs no more.
 const DEEPEST: f32 = 6.0;
-/// Standard deviation of the landmarks and of a step between two columns, in rows.
+/// Standard deviation of the crease from the landmarks, in rows.
 const TRUST: f32 = 12.0;
+/// Standard deviation of a step from one column to the next, in rows.
 const STEP: f32 = 2.0;
 /// Passes of a binomial filter over the path.
 const SMOOTHING: usize = 3;
@@ -40,7 +41,7 @@ pub(super) struct Rim {
 }
 
 impl Rim {
-    /// `view`: the skin about the eye, in its frame.
+    /// Finds the line. `view`: the skin around the eye, in the eye's frame.
     pub fn of(opening: &Opening, view: &FrontView) -> Rim {
         let [upper, lower] = opening
             .edges
@@ -60,7 +61,7 @@ impl Rim {
         }
     }
 
-    /// How far a point lies from the line, centimetres; below 0 inside.
+    /// Distance of a point from the line, centimetres, negative inside.
     pub fn distance(&self, p: Vec2) -> f32 {
         let next = self.polygon.iter().cycle().skip(1);
         let sides = self.polygon.iter().zip(next);
@@ -76,14 +77,14 @@ impl Rim {
         if is_inside { -away } else { away }
     }
 
-    /// A place inside.
+    /// A point inside the line, in the middle of the eye.
     pub fn middle(&self) -> Vec2 {
         let half = SAMPLES / 2;
         self.polygon[half].midpoint(self.polygon[self.polygon.len() - half])
     }
 }
 
-/// Heights of a lid's edge, drawn to the crease beside it.
+/// Heights of a lid's edge after it is drawn to the crease near it.
 fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAMPLES] {
     let row = ROW * width;
     let rows = (2 * RANGE + 1) as usize;
@@ -140,7 +141,8 @@ fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAM
     heights
 }
 
-/// How far a place lies behind the places above and below it; 0 where that is unknown.
+/// How far a place lies behind the mean of the places above and below it, the most over all flanks.
+/// 0 where it does not lie behind them or nothing is drawn there.
 fn valley(view: &FrontView, at: Vec2, width: f32) -> f32 {
     let depth = |y: f32| depth(view, Vec2::new(at.x, at.y + y));
     let here = depth(0.0);
@@ -149,13 +151,13 @@ fn valley(view: &FrontView, at: Vec2, width: f32) -> f32 {
     known.fold(0.0, f32::max)
 }
 
-/// Depth of the surface in sight at a place; not finite where there is none.
+/// Depth of the visible surface at a place, not finite where there is none.
 pub(super) fn depth(view: &FrontView, at: Vec2) -> f32 {
     let [column, row] = view.cell_at(at.into());
     view.depth(column, row)
 }
 
-/// The part of a picture of the skin that lies about an eye of this width.
+/// Draws the skin around an eye of this width, seen from the front.
 pub(super) fn skin_view(triangles: impl Iterator<Item = [Vec3; 3]>, width: f32) -> FrontView {
     let reach = 1.2 * width;
     let mut view = FrontView::new([-reach; 2], [reach; 2], width / 150.0);

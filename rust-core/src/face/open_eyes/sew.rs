@@ -1,7 +1,9 @@
-//! What lies behind the rim of lids that were cut open: their lining, and the rest of the eyeball.
+//! Sews the surfaces behind the rim of lids that were cut open: the lining of the lids and the rest
+//! of the eyeball.
 //!
-//! Rows of vertices go on from the rim, away from the eye and around the centre of its ball: those of the lining just
-//! over it, those of the ball just below and on to its back. Both stay behind the skin that is seen.
+//! Both consist of rows of vertices that start at the rim and curve around the centre of the ball.
+//! The rows of the lining lead away from the eye. The rows of the ball lie just below them and lead
+//! on to its back. Both surfaces stay behind the visible skin.
 
 use std::f32::consts::PI;
 
@@ -13,17 +15,18 @@ use crate::{
     mesh::FrontView,
 };
 
-/// How far beside the rim the rows of the lining lie, in widths of the eye (the last at 8 mm).
+/// Distances of the rows of the lining from the rim, in widths of the eye (the last at 8 mm).
 const LINING: [f32; 4] = [0.03, 0.08, 0.16, 0.28];
-/// Where the rows of the ball lie on the way from the rim to its back.
+/// Where the rows of the ball lie, as shares of the angle from the rim to the ball's back.
 const BALL: [f32; 6] = [0.03, 0.1, 0.22, 0.4, 0.6, 0.8];
-/// How far the ball lies below the lining, and the lining behind the skin, in widths (.4 and .5 mm).
+/// How far the ball lies below the lining, in widths (0.4 mm).
 const BELOW: f32 = 0.015;
+/// How far the lining lies behind the skin, in widths (0.5 mm).
 const BEHIND: f32 = 0.02;
 /// Passes of a binomial filter over the directions away from the eye.
 const SMOOTHING: usize = 8;
 
-/// New triangles behind an eye's rim, and what they are made of.
+/// New triangles behind the rim of an eye, and their sources.
 #[derive(Default)]
 pub(super) struct Behind {
     pub triangles: Vec<[u32; 3]>,
@@ -33,8 +36,9 @@ pub(super) struct Behind {
 /// An eye that was cut free.
 pub(super) struct Socket<'a> {
     pub space: &'a EyeSpace,
-    /// Of the ball, and from corner to corner; centimetres.
+    /// Radius of the ball, centimetres.
     pub radius: f32,
+    /// Distance from corner to corner, centimetres.
     pub width: f32,
     /// The skin, seen from the front.
     pub skin: &'a FrontView,
@@ -42,7 +46,7 @@ pub(super) struct Socket<'a> {
 }
 
 impl Socket<'_> {
-    /// Adds the vertices behind the rim and returns its faces.
+    /// Adds the vertices behind the rim and returns the faces between them.
     pub fn sew(&self, fine: &mut FineMesh) -> Behind {
         let rim: Vec<Vec3> = (self.line.iter())
             .map(|place| self.space.local(fine.mesh.positions[place.lid as usize]))
@@ -89,7 +93,7 @@ impl Socket<'_> {
         behind
     }
 
-    /// A place no nearer to the front than so many widths behind the skin.
+    /// Moves a place back where it does not lie at least `behind` widths behind the skin.
     fn under_skin(&self, p: Vec3, behind: f32) -> Vec3 {
         let skin = depth(self.skin, p.truncate());
         match skin.is_finite() {
@@ -98,7 +102,7 @@ impl Socket<'_> {
         }
     }
 
-    /// New vertices, made of what those at the rim are.
+    /// Adds vertices with the same sources as the vertices at the rim.
     fn add(
         &self,
         fine: &mut FineMesh,
@@ -114,7 +118,7 @@ impl Socket<'_> {
         places.zip(self.line).map(add).collect()
     }
 
-    /// Faces between two rows; those of the ball run the other way round.
+    /// Adds the faces between two rows. Those of the ball wind the other way round.
     fn sew_row(
         &self,
         behind: &mut Behind,
@@ -135,7 +139,7 @@ impl Socket<'_> {
     }
 }
 
-/// Seen from the front: which way leads away from the eye at each place of its rim.
+/// The direction that leads away from the eye at each place of its rim, seen from the front.
 fn directions(rim: &[Vec3]) -> Vec<Vec2> {
     let count = rim.len();
     let at = |i: usize| rim[i % count].truncate();

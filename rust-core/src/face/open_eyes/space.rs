@@ -1,17 +1,18 @@
-//! The frame of an eye and that of its mesh.
+//! Converts points between a mesh and the frame of one of its eyes.
 
 use glam::{DVec3, Vec3};
 
 use crate::{face::eyes::EyeFrame, mesh::Similarity};
 
-/// Between a mesh and the frame of one of its eyes, canonical centimetres: across, up and out.
+/// Converts between a mesh and the frame of one of its eyes: across, up and out, in canonical
+/// centimetres.
 pub(super) struct EyeSpace {
     pub frame: EyeFrame,
     pub to_canonical: Similarity,
 }
 
 impl EyeSpace {
-    /// A point of the mesh, seen from the centre of the ball.
+    /// A point of the mesh in the eye's frame, whose origin is the centre of the ball.
     pub fn local(&self, p: [f32; 3]) -> Vec3 {
         let cm = self.to_canonical.apply(p).map(|x| 100.0 * x);
         self.frame.local(cm).into()
@@ -22,7 +23,7 @@ impl EyeSpace {
         self.local(p.as_vec3().into()).as_dvec3()
     }
 
-    /// The way back.
+    /// The inverse of `local`.
     pub fn point(&self, local: Vec3) -> [f32; 3] {
         let [across, up, out] = self.frame.axes.map(Vec3::from);
         let cm = Vec3::from(self.frame.origin) + local.x * across + local.y * up + local.z * out;

@@ -1,22 +1,25 @@
 //! Cuts the skin along a closed line around an eye, and frees the piece inside.
 //!
-//! 1. [`sheet`] gathers the triangles about the eye that are connected with the foremost one in its middle. Parts that
-//!    only lie behind it are not among them.
-//! 2. Every vertex of the sheet gets its distance from the line, below 0 inside ([`Cut::of`]). The line is a polygon
-//!    seen from the front, so no edge of the mesh has to follow it.
-//! 3. An edge along which the sign changes gets a vertex there, and its triangles are cut ([`split`]). A crossing
-//!    near the end of an edge goes through the vertex instead, so that no slivers arise.
-//! 4. [`set_free`] gives the pieces inside vertices of their own along the line. Lids and eye are then two surfaces
-//!    that touch.
+//! 1. [`sheet`] gathers the triangles around the eye that are connected with the foremost one in
+//!    its middle. This leaves out parts that only lie behind the eye.
+//! 2. Every vertex of the sheet gets its distance from the line, negative inside ([`Cut::of`]). The
+//!    line is a polygon seen from the front, so no edge of the mesh has to follow it.
+//! 3. Where the distance changes sign along an edge, the edge gets a vertex and its triangles are
+//!    cut ([`split`]). A crossing near the end of an edge goes through the vertex instead, so that
+//!    no slivers arise.
+//! 4. [`set_free`] gives the pieces inside their own vertices along the line. Lids and eye are then
+//!    two surfaces that touch.
 //!
-//! The cost is the number of vertices of the sheet times the corners of the polygon, then one pass over the triangles
-//! of the mesh.
+//! The cost is the number of vertices of the sheet times the corners of the polygon, then one pass
+//! over the triangles of the mesh.
 //!
-//! Not obvious: places are compared by their bits, because vertices along a texture seam have one place. A new vertex
-//! on an edge is computed from the smaller place on, so that both sides of a seam get the same bits. A piece whose
-//! corners do not say on which side it lies is judged by its middle.
+//! Not obvious: places are compared by the bits of their coordinates, because several vertices
+//! along a texture seam share one place. A new vertex on an edge is computed from the smaller place
+//! towards the larger one, so that both sides of a seam get the same bits. Where the corners of a
+//! piece do not say on which side it lies, its middle decides.
 //!
-//! What can go wrong: the line crosses a hole or itself and is no single loop. Such an eye is refused.
+//! What can go wrong: the line crosses a hole or itself and is not a single loop. Such an eye is
+//! refused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -34,19 +37,19 @@ use crate::{
 const SNAP: f32 = 0.18;
 /// The sheet reaches this far beyond the line, in widths.
 const BEYOND: f32 = 0.25;
-/// A line of fewer places is none around an eye.
+/// A line with fewer places cannot lead around an eye.
 const LEAST_PLACES: usize = 8;
 
-/// A place in space, by its bits: vertices along texture seams share one.
+/// A place in space as the bits of its coordinates. Vertices along a texture seam share one.
 type Place = [u32; 3];
 
 /// A place of the line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RimPlace {
-    /// Vertices of the lid and of the eye, at one place.
+    /// The vertices of the lid and of the eye at this place.
     pub lid: u32,
     pub eye: u32,
-    /// What a triangle that begins here on either side is made of.
+    /// The sources of triangles that begin here, on the lid's side and on the eye's.
     pub lid_source: TriangleSource,
     pub eye_source: TriangleSource,
 }
@@ -60,7 +63,7 @@ struct Corner {
     side: i8,
 }
 
-/// Triangles about the eye that are connected with those in sight in its middle.
+/// Triangles around the eye that are connected with the foremost one in its middle.
 pub(super) fn sheet(fine: &FineMesh, space: &EyeSpace, rim: &Rim, width: f32) -> Vec<u32> {
     let mesh = &fine.mesh;
     let corners =
@@ -96,7 +99,7 @@ pub(super) fn sheet(fine: &FineMesh, space: &EyeSpace, rim: &Rim, width: f32) ->
     sheet
 }
 
-/// The places of a triangle's edges, the smaller first.
+/// The two places of each edge of a triangle, the smaller one first.
 fn edges(fine: &FineMesh, t: u32) -> [[Place; 2]; 3] {
     let [a, b, c] = fine.mesh.triangles[t as usize].map(|v| place(fine, v));
     [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
@@ -107,11 +110,11 @@ fn place(fine: &FineMesh, v: u32) -> Place {
     fine.mesh.positions[v as usize].map(|x| (x + 0.0).to_bits())
 }
 
-/// Cuts the sheet along the line. Returns the line in the order in which it bounds the triangles of
-/// the eye.
+/// Cuts the sheet along the line. Returns the line in the order in which the triangles of the eye
+/// run along it.
 ///
 /// # Errors
-/// `Mesh` where the line is no single loop over the surface.
+/// `Mesh` where the line is not a single loop over the surface.
 pub(super) fn split(
     fine: &mut FineMesh,
     sheet: &[u32],
@@ -123,7 +126,7 @@ pub(super) fn split(
     let in_sheet: HashSet<u32> = sheet.iter().copied().collect();
     let triangles = std::mem::take(&mut fine.mesh.triangles);
     let sources = std::mem::take(&mut fine.triangle_sources);
-    // New triangles of the sheet and their sides.
+    // The new triangles of the sheet.
     let mut pieces = Vec::new();
     for (number, (t, source)) in triangles.into_iter().zip(sources).enumerate() {
         if !in_sheet.contains(&(number as u32)) {
@@ -156,7 +159,7 @@ fn middle(fine: &FineMesh, space: &EyeSpace, corners: [u32; 3]) -> Vec2 {
     (places.into_iter().sum::<Vec3>() / 3.0).truncate()
 }
 
-/// Where edges of the sheet cross the line.
+/// Where the edges of the sheet cross the line.
 struct Cut {
     /// How far each place lies from the line, and on which side.
     sides: HashMap<Place, (f32, i8)>,
@@ -195,7 +198,7 @@ impl Cut {
         Cut { sides }
     }
 
-    /// The corners of a triangle and the places where its edges cross the line, all around.
+    /// The corners of a triangle and the places where its edges cross the line, in order around it.
     fn around(
         &self,
         fine: &mut FineMesh,
@@ -221,7 +224,8 @@ impl Cut {
             let vertex = *vertices_on_edges
                 .entry((v.min(w), v.max(w)))
                 .or_insert_with(|| {
-                    // From the smaller place on, so that both banks of a texture seam get the same one.
+                    // Starts at the smaller place, so that both sides of a texture seam get the
+                    // same position.
                     let [p, q] = [v, w].map(|v| fine.mesh.positions[v as usize]);
                     let is_turned = place(fine, v) > place(fine, w);
                     let between = |p: [f32; 3], q: [f32; 3], t: f32| -> [f32; 3] {
@@ -245,7 +249,7 @@ impl Cut {
     }
 }
 
-/// A triangle with places of the line on up to two of its edges as triangles.
+/// Divides a triangle that has places of the line on up to two of its edges into triangles.
 fn cut_pieces(around: &[Corner]) -> Vec<[Corner; 3]> {
     let at = |i: usize| around[i % around.len()];
     let is_new = |i: usize| at(i).shares.iter().all(|share| *share < 1.0);
@@ -255,7 +259,7 @@ fn cut_pieces(around: &[Corner]) -> Vec<[Corner; 3]> {
             vec![[at(m), at(m + 1), at(m + 2)], [at(m), at(m + 2), at(m + 3)]]
         }
         5 => {
-            // Two places with one corner between them.
+            // The two places have one corner between them.
             let m = (0..5).find(|&i| is_new(i) && is_new(i + 2)).unwrap_or(0);
             let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| at(m + i));
             vec![[a, b, c], [a, c, d], [a, d, e]]
@@ -267,45 +271,48 @@ fn cut_pieces(around: &[Corner]) -> Vec<[Corner; 3]> {
 /// A piece of the sheet: its number, whether it lies inside, and which of its corners lie on the line.
 type Piece = (usize, bool, [bool; 3]);
 
-/// Gives the pieces inside vertices of their own along the line, so that lids and eye can part. Returns the line.
+/// Gives the pieces inside vertices of their own along the line, so that lids and eye can part.
+/// Returns the line.
 ///
-/// The sheet has been cut along the line, but the pieces on both sides still share the line's vertices.
+/// The sheet has been cut along the line, but the pieces on both sides still share the line's
+/// vertices.
 ///
-/// 1. [`Bank::outside`] notes the line's places on the lids' side. It also notes each edge along the line as a pair of
-///    places, in the order in which its piece runs around.
-/// 2. [`Bank::inside`] copies the vertices on the line for the pieces inside. Two pieces that share a vertex before
-///    also share its copy, so the eye stays one surface. Two vertices at one place, as along a texture seam, become
-///    two copies.
-/// 3. An edge of a piece inside belongs to the line if a piece outside has the same edge, run the other way. Each such
-///    edge says which place follows which.
+/// 1. [`Bank::outside`] notes the line's places on the lids' side. It also notes each edge along
+///    the line as a pair of places, in the order in which its piece runs around.
+/// 2. [`Bank::inside`] copies the vertices on the line for the pieces inside. Two pieces that
+///    shared a vertex before also share its copy, so the eye stays one surface. Two vertices at one
+///    place, as along a texture seam, become two copies.
+/// 3. An edge of a piece inside belongs to the line if a piece outside has the same edge in the
+///    opposite direction. Each such edge says which place follows which.
 /// 4. [`loop_of`] walks from place to place until it is back at its start.
 ///
-/// The places, and not the vertices, are the keys. A texture seam across the line gives one place several vertices,
-/// and by vertices the line would end at the seam. The walk begins at the smallest place, so that the result does not
-/// depend on the order of a hash map.
+/// The keys are places, not vertices. Where a texture seam crosses the line, one place has several
+/// vertices, and a walk from vertex to vertex would end at the seam. The walk begins at the
+/// smallest place, so that the result does not depend on the order of a hash map.
 ///
 /// The cost is linear in the pieces of the sheet.
 ///
-/// What can go wrong: the line leaves the sheet at a hole, runs along itself in a fold, or falls into several loops.
-/// Then a place has two successors, the walk ends early, or it leaves places out. The mesh is refused in all these
-/// cases, and so is a loop of fewer than [`LEAST_PLACES`] places.
+/// What can go wrong: the line leaves the sheet at a hole, runs along itself in a fold, or falls
+/// into several loops. Then a place has two successors, the walk ends early, or it leaves places
+/// out. The mesh is refused in all these cases, and so is a loop of fewer than [`LEAST_PLACES`]
+/// places.
 fn set_free(fine: &mut FineMesh, pieces: &[Piece]) -> Result<Vec<RimPlace>> {
     let outside = Bank::outside(fine, pieces);
     let inside = Bank::inside(fine, pieces, &outside);
     loop_of(&outside, &inside)
 }
 
-/// The line as the pieces on one of its sides have it.
+/// The line with the vertices that the pieces on one side of it use.
 #[derive(Default)]
 struct Bank {
-    /// A vertex at each place, and what a triangle that begins there is made of.
+    /// For each place a vertex, and the source of triangles that begin there.
     corners: HashMap<Place, (u32, TriangleSource)>,
-    /// The edges along the line: places one after the other.
+    /// The edges along the line, each from one place to the next.
     edges: Vec<[Place; 2]>,
 }
 
 impl Bank {
-    /// The side of the lids.
+    /// The line on the side of the lids.
     fn outside(fine: &FineMesh, pieces: &[Piece]) -> Bank {
         let mut bank = Bank::default();
         for &(number, _, on_line) in pieces.iter().filter(|piece| !piece.1) {
@@ -323,7 +330,8 @@ impl Bank {
         bank
     }
 
-    /// The side of the eye, whose pieces get vertices of their own wherever there are lids.
+    /// The line on the side of the eye. Its pieces get their own vertices at every place that the
+    /// lids share.
     fn inside(fine: &mut FineMesh, pieces: &[Piece], outside: &Bank) -> Bank {
         let edges: HashSet<&[Place; 2]> = outside.edges.iter().collect();
         let (mut bank, mut copies) = (Bank::default(), HashMap::new());
@@ -351,10 +359,10 @@ impl Bank {
     }
 }
 
-/// The line from place to place in the order of the edges inside.
+/// Walks along the line from place to place, in the order of the edges inside.
 ///
 /// # Errors
-/// `Mesh` where they are no single loop.
+/// `Mesh` where the edges are not a single loop of at least `LEAST_PLACES` places.
 fn loop_of(outside: &Bank, inside: &Bank) -> Result<Vec<RimPlace>> {
     let next: HashMap<Place, Place> = inside
         .edges

@@ -1,4 +1,4 @@
-//! Shuts the lids of an eye that was cut free, and measures what shows.
+//! Shuts the lids of an eye that was cut free, and measures how much of the eye stays visible.
 
 use glam::Vec3;
 use ndarray::{Array3, ArrayView2};
@@ -13,13 +13,13 @@ use crate::{
     },
 };
 
-/// How far the lids of the canonical face travel until they are shut, metres, and the upper lid's
-/// share.
+/// How far the lids of the canonical face travel until they are shut, metres.
 const WAY_M: f32 = 0.0079;
+/// The upper lid's share of this distance.
 const UPPER_SHARE: f32 = 0.9;
-/// Largest visible area of the ball of a shut eye and of skin that turned over, as shares of the
-/// visible area of the open ball.
+/// Largest visible area of the ball of a shut eye, as a share of the visible area of the open ball.
 const MOST_IN_SIGHT: f64 = 0.05;
+/// Largest visible area of skin that turned inside out, as a share of the same area.
 const MOST_TURNED: f64 = 0.02;
 
 /// Kinds of the cells of a picture.
@@ -32,7 +32,7 @@ const TURNED: u8 = 3;
 pub struct EyeTrial {
     /// Visible area of the ball.
     pub in_sight: f64,
-    /// Visible area of skin that turned over.
+    /// Visible area of skin that turned inside out.
     pub turned: f64,
 }
 
@@ -47,7 +47,8 @@ impl EyeTrial {
         moved
     }
 
-    /// Looks at one eye of a face whose vertices are displaced by `moved` `[V, 3]`, mesh units and axes.
+    /// Measures one eye of a face whose vertices are displaced by `moved` `[V, 3]`, mesh units and
+    /// axes.
     pub(crate) fn of(face: &Face, opening: &Opening, moved: ArrayView2<'_, f32>) -> EyeTrial {
         let space = EyeSpace {
             frame: opening.frame,
@@ -94,8 +95,10 @@ impl EyeTrial {
         }
     }
 
+    /// Refuses an eye that stays open or whose skin turns inside out.
+    ///
     /// # Errors
-    /// `Mesh` with what is wrong and what to do.
+    /// `Mesh`, which says what is wrong and what to do.
     pub(crate) fn check(&self) -> Result<()> {
         let percent = |share: f64| format!("{:.0} %", 100.0 * share);
         let got = if self.in_sight > MOST_IN_SIGHT {

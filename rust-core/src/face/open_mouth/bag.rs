@@ -1,10 +1,10 @@
 //! The inside of a mouth: a bag sewn behind the parted lips.
 //!
-//! Each lip first rolls inward: an arc starts in the direction of the lip's own front at the slit
+//! Each lip first rolls inward: an arc starts at the slit in the direction of the lip's own front
 //! and turns until it leads straight back. So a flat lip, such as a painted one, gets a round edge,
-//! and a lip that dives into a valley hardly bends any more. At rest each arc lies behind the front
-//! of the other lip. Behind the lips the bag widens up and down and closes at the throat. Each ring
-//! has one vertex for each vertex of the slit.
+//! and a lip whose front already leads into a valley hardly bends. At rest each arc lies behind the
+//! front of the other lip. Behind the lips the bag widens up and down, and it closes at the throat.
+//! Each ring has one vertex for each vertex of the slit.
 
 use std::{
     f64::consts::FRAC_PI_2,
@@ -16,26 +16,27 @@ use glam::{DVec2, DVec3};
 use super::{cut::CutMesh, patch::MouthFrame};
 use crate::mesh::Mesh;
 
-/// Depth, in widths of the mouth (40 mm), and the least depth where the head is thin.
+/// Depth of the bag, in widths of the mouth (40 mm).
 const DEPTH: f64 = 0.8;
+/// The least depth, where the head is thin, in widths.
 const LEAST_DEPTH: f64 = 0.15;
-/// The bag takes at most this share of the way to the next surface behind the lips.
+/// The bag reaches at most this share of the way to the next surface behind the lips.
 const SHARE_OF_HEAD: f64 = 0.5;
-/// A surface nearer behind the slit than this belongs to the lips, in widths.
+/// A surface that lies less than this behind the slit belongs to the lips, in widths.
 const LIPS: f64 = 0.12;
-/// Places of the rings on the way back.
+/// Depths of the rings behind the lips, as shares of the bag's depth.
 const RINGS: [f64; 7] = [0.05, 0.13, 0.23, 0.36, 0.53, 0.75, 1.0];
-/// Height above and below the slit, in widths (11 mm).
+/// Height of the bag above and below the slit, in widths (11 mm).
 const HEIGHT: f64 = 0.22;
 /// Depth of the bag at the corners, as a share of its depth in the middle.
 const DEPTH_AT_CORNERS: f64 = 0.35;
-/// By how much it is narrower at its back.
+/// The share by which the bag is narrower at its back.
 const NARROWED: f64 = 0.3;
-/// Radius of the arc by which a lip rolls inward in the middle, in widths (2.5 mm).
+/// Radius of the arc by which a lip rolls inward in the middle of the mouth, in widths (2.5 mm).
 const ROLL: f64 = 0.05;
-/// Places of rings along the arc.
+/// Places of the rings along the arc, as shares of its angle.
 const ROLL_RINGS: [f64; 3] = [0.33, 0.67, 1.0];
-/// Depth at which the arc's way up or down has faded out, as a share of the bag's depth.
+/// Depth at which the arc's offset up or down has faded out, as a share of the bag's depth.
 const ROLL_GONE: f64 = 0.3;
 /// How far from the slit the slope of a lip's front is measured, in widths (2 mm).
 const SLOPE_REACH: f64 = 0.04;
@@ -48,14 +49,14 @@ const STEEPEST: f64 = 1.22;
 const ROLL_AT_CORNERS: f64 = 0.1;
 /// Passes of a binomial filter along the slopes of a lip.
 const SLOPE_SMOOTHING: usize = 6;
-/// Passes of a binomial filter from ring to ring: a wavy slit ends in a smooth throat.
+/// Passes of a binomial filter from ring to ring, so that a wavy slit ends in a smooth throat.
 const SMOOTHING: usize = 2;
 
 /// Faces behind a slit.
 pub(super) struct Bag {
-    /// The inner sides of the lips first.
+    /// The faces of the lips' inner sides come first.
     pub faces: Vec<[u32; 3]>,
-    /// How many of them are of the lips.
+    /// How many of the faces belong to the lips.
     pub lip_faces: usize,
 }
 
@@ -95,7 +96,7 @@ pub(super) fn sew_bag(cut: &mut CutMesh, mesh: &Mesh, frame: &MouthFrame) -> Bag
     Bag { faces, lip_faces }
 }
 
-/// Rings of a bag in the making.
+/// Builds a bag ring by ring.
 struct Rings<'a> {
     cut: &'a mut CutMesh,
     frame: &'a MouthFrame,
@@ -103,7 +104,8 @@ struct Rings<'a> {
 }
 
 impl Rings<'_> {
-    /// Sews rows of new vertices, which share their ends, to the upper and the lower row before them.
+    /// Adds an upper and a lower row of vertices, which share their ends, and sews them to the two
+    /// rows before.
     fn add(
         &mut self,
         [upper, lower]: [Vec<u32>; 2],
@@ -131,15 +133,15 @@ impl Rings<'_> {
 struct Roll {
     /// 1 for the upper lip, −1 for the lower one.
     side: f64,
-    /// Of each vertex of the slit: the angle at which the front leads inward, 0 along the face and a
-    /// quarter turn straight back.
+    /// For each vertex of the slit the angle at which the lip's front leads inward: 0 leads along
+    /// the face, a quarter turn straight back.
     slopes: Vec<f64>,
-    /// Of each vertex: the radius of its arc, in widths.
+    /// For each vertex the radius of its arc, in widths.
     radii: Vec<f64>,
 }
 
 impl Roll {
-    /// The upper lip and the lower one.
+    /// The arcs of the upper lip and those of the lower one.
     fn of_lips(cut: &CutMesh, line: &[DVec3], shape: &Shape, frame: &MouthFrame) -> [Roll; 2] {
         let fronts = cut.fronts(frame);
         let slopes = [1.0, -1.0].map(|side| {
@@ -167,7 +169,8 @@ impl Roll {
         })
     }
 
-    /// A row of vertices moved along `part` of the arc; `height`: the share of its way up or down that is left.
+    /// A row of vertices moved along `part` of the arc. `height`: the share of the arc's offset up
+    /// or down that is left.
     fn row(&self, line: &[DVec3], part: f64, height: f64) -> Vec<DVec3> {
         let arcs = self.slopes.iter().zip(&self.radii);
         let moved = line.iter().zip(arcs).map(|(p, (&slope, radius))| {
@@ -181,14 +184,15 @@ impl Roll {
 }
 
 struct Shape {
-    /// Of each vertex of the slit: 0 at the right corner, 1 at the left one.
+    /// For each vertex of the slit its place along it: 0 at the right corner, 1 at the left one.
     places: Vec<f64>,
-    /// In widths.
+    /// Depth of the bag, in widths.
     depth: f64,
 }
 
 impl Shape {
-    /// A row of vertices in the mouth's frame; `side`: 1 above the slit, −1 below.
+    /// A row of vertices in the mouth's frame. `back`: its depth as a share of the bag's. `side`: 1
+    /// above the slit, −1 below.
     fn row(&self, line: &[DVec3], back: f64, side: f64) -> Vec<DVec3> {
         let middle = 0.5 * (line[0][0] + line[line.len() - 1][0]);
         let rise = ramp((back - 0.08) / 0.4) * (1.0 - 0.35 * ramp((back - 0.7) / 0.3));
@@ -212,7 +216,7 @@ fn inward(place: f64) -> f64 {
     (4.0 * place * (1.0 - place)).max(0.0).sqrt()
 }
 
-/// From 0 at 0 to 1 at 1, level at both.
+/// Rises from 0 at 0 to 1 at 1, level at both ends.
 fn ramp(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -228,7 +232,7 @@ fn places(line: &[DVec3]) -> Vec<f64> {
     places.iter().map(|place| place / whole).collect()
 }
 
-/// How much room a bag has behind the middle of the slit, in widths.
+/// How deep a bag may be behind the middle of the slit, in widths.
 fn depth(mesh: &Mesh, frame: &MouthFrame, middle: DVec3) -> f64 {
     let behind = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| {
@@ -256,8 +260,9 @@ fn smooth<T: Copy + Add<Output = T> + Mul<f64, Output = T>>(line: &mut [T]) {
     }
 }
 
-/// Faces between two rows whose sides run from left to right on `a`. The diagonals are mirrored
-/// about the middle. Where the rows share a vertex there is no face.
+/// Adds the faces between two rows. They wind so that their sides on `a` run in its order. The
+/// diagonals mirror each other about the middle. Faces that would be empty because the rows share a
+/// vertex are left out.
 fn strip(faces: &mut Vec<[u32; 3]>, a: &[u32], b: &[u32]) {
     let columns = a.len() - 1;
     for i in 0..columns {

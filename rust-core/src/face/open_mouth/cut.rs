@@ -1,24 +1,29 @@
-//! The mesh cut along a line over its surface, and the two banks parted.
+//! Cuts the mesh along a line over its surface and parts the two banks.
 //!
-//! A line of places on vertices, on edges and, at its two ends, inside of triangles crosses the skin between the lips
-//! (`trace`). This module makes it a line of edges and then gives the lips vertices of their own.
+//! The line crosses the skin between the lips (`trace`). Its places lie on vertices and on edges,
+//! and its two ends may lie inside triangles. This module turns it into a line of edges and then
+//! gives the lips separate vertices.
 //!
-//! 1. [`Splitter`] cuts every triangle of the patch that the line crosses into pieces. A place on an edge becomes one
-//!    new vertex for each pair of old vertices, so both triangles of that edge get the same one. At a texture seam
-//!    the edge has several pairs of vertices, and each pair gets its own. An end inside of a triangle makes a fan
-//!    about it.
-//! 2. [`Banks`] decides for every corner on the line whether it belongs to the upper or to the lower lip.
-//! 3. [`CutMesh::part`] copies the line's vertices that both banks use. The lower bank gets the copies. Both ends stay
-//!    shared, since a mouth opens between its corners.
+//! 1. [`Splitter`] cuts every triangle of the patch that the line crosses into pieces. A place on
+//!    an edge becomes one new vertex for each pair of old vertices, so both triangles at that edge
+//!    get the same one. At a texture seam the edge has several pairs of vertices, and each pair
+//!    gets its own. An end inside a triangle divides the triangle into a fan around that end.
+//! 2. [`Banks`] decides for every corner on the line whether it belongs to the upper or to the
+//!    lower lip.
+//! 3. [`CutMesh::part`] copies the line's vertices that both banks use. The lower bank gets the
+//!    copies. Both ends stay shared, since a mouth opens between its corners.
 //!
-//! Old vertices keep their numbers and places, and old triangles their order, so that the surface at rest stays the
-//! same. Every new vertex and corner carries shares of the old vertices and triangles that it came from.
+//! Old vertices keep their numbers and places, and old triangles keep their order, so that the
+//! surface at rest stays the same. Every new vertex and corner stores its shares of the old
+//! vertices and triangles it comes from.
 //!
-//! The cost is one pass over the triangles of the mesh (F) and hash look-ups for those of the patch.
+//! The cost is one pass over the triangles of the mesh (F) and hash look-ups for those of the
+//! patch.
 //!
-//! Not obvious: pieces along the line are compared by the points of the patch, where texture seams are sewn up, and
-//! not by their vertices, of which a seam has several. A triangle that the line cuts on all three edges has no rule of
-//! its own and becomes a plain fan. Where the line has skin on one side alone, the mesh is refused.
+//! Not obvious: pieces along the line are compared by the points of the patch, where texture seams
+//! are sewn up. Their vertices will not do, because a seam has several at one place. A triangle
+//! that the line cuts on all three edges has no rule of its own and becomes a plain fan. Where the
+//! line has skin on only one side, the mesh is refused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -34,29 +39,29 @@ use crate::{
     mesh::{Mesh, tree::blend},
 };
 
-/// A triangle of the new mesh inside of one of the old.
+/// A triangle of the new mesh, which lies inside a triangle of the old one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
     pub corners: [u32; 3],
     /// Triangle of the old mesh.
     pub source: u32,
-    /// Of each corner the shares of the source's corners.
+    /// For each corner its shares of the source's corners.
     pub shares: [[f32; 3]; 3],
-    /// Of each corner the point of the patch or, counted on from these, the place on the line.
+    /// For each corner its point of the patch. Numbers past the last point are places on the line.
     points: [u32; 3],
 }
 
-/// A mesh in the making: old vertices first, where they were.
+/// The mesh while it is cut. The old vertices come first and keep their positions.
 pub(super) struct CutMesh {
     pub positions: Vec<[f32; 3]>,
-    /// Old vertices and their shares, three for each vertex.
+    /// For each vertex three old vertices and their shares.
     pub sources: Vec<[(u32, f32); 3]>,
-    /// Of the old triangles in their order.
+    /// The pieces of the old triangles, in the order of these.
     pub pieces: Vec<Piece>,
-    /// The banks from the right corner to the left one; they share both ends.
+    /// The banks from the right corner to the left one. They share both ends.
     pub upper: Vec<u32>,
     pub lower: Vec<u32>,
-    /// Whether faces of the mesh look inward.
+    /// Whether the faces of the mesh look inward.
     pub is_inside_out: bool,
 }
 
@@ -64,7 +69,8 @@ pub(super) struct CutMesh {
 type Corner = (u32, u32, [f64; 3]);
 
 impl CutMesh {
-    /// Cuts and parts. `above`: height of a place in the mouth's frame over the seam.
+    /// Cuts the mesh and parts the banks. `above`: height of a place in the mouth's frame above the
+    /// seam.
     ///
     /// # Errors
     /// `Mesh` where the line has no surface on one of its sides.
@@ -114,7 +120,7 @@ impl CutMesh {
         in_patch
     }
 
-    /// A new vertex in between of old ones.
+    /// Adds a vertex as a mixture of old ones.
     fn add(&mut self, mesh: &Mesh, corners: [u32; 3], shares: [f64; 3]) -> u32 {
         let points = corners.map(|v| mesh.point(v));
         self.positions.push(blend(points, shares).as_vec3().into());
@@ -123,7 +129,7 @@ impl CutMesh {
         self.positions.len() as u32 - 1
     }
 
-    /// Gives the lower bank vertices of its own.
+    /// Gives the lower bank its own vertices.
     fn part(
         &mut self,
         patch: &Patch,
@@ -153,7 +159,7 @@ impl CutMesh {
         let vertex = |&(piece, corner): &(u32, usize)| self.pieces[piece as usize].corners[corner];
         self.upper = banks.upper.iter().map(vertex).collect();
         self.lower = banks.lower.iter().map(vertex).collect();
-        // Texture seams may give the ends several vertices: both banks take one.
+        // At a texture seam an end may have several vertices. Both banks take the same one.
         let last = line.len() - 1;
         (self.lower[0], self.lower[last]) = (self.upper[0], self.upper[last]);
         Ok(())
@@ -161,7 +167,7 @@ impl CutMesh {
 }
 
 impl CutMesh {
-    /// The skin about the mouth as it is seen from the front.
+    /// The skin around the mouth, seen from the front.
     pub fn fronts(&self, frame: &MouthFrame) -> Fronts {
         let pieces = self
             .pieces
@@ -175,7 +181,8 @@ impl CutMesh {
         }
     }
 
-    /// Where the faces of a bag take their material and texture: the piece beside the rim before them.
+    /// The sources of a bag's faces: each takes its material and texture from a piece at the rim in
+    /// front of it.
     pub fn sources_of_bag(&self, bag: &[[u32; 3]]) -> Vec<TriangleSource> {
         let rims: HashSet<u32> = self.upper.iter().chain(&self.lower).copied().collect();
         let mut beside = HashMap::new();
@@ -198,13 +205,13 @@ impl CutMesh {
         bag.iter().map(of_face).collect()
     }
 
-    /// Names what a vertex is made of.
+    /// The sources of a vertex as a key for a hash map.
     fn key_of(&self, vertex: u32) -> [(u32, u32); 3] {
         self.sources[vertex as usize].map(|(v, share)| (v, share.to_bits()))
     }
 }
 
-/// Triangles of the skin about the mouth and their corners in the mouth's frame.
+/// Triangles of the skin around the mouth, and their corners in the mouth's frame.
 pub(super) struct Fronts {
     triangles: Vec<([u32; 3], [DVec3; 3])>,
 }
@@ -236,11 +243,13 @@ impl Fronts {
 /// Cuts triangles at the places of a line.
 struct Splitter<'a> {
     patch: &'a Patch,
-    /// Places on edges of the patch: number on the line, and the share of the greater point.
+    /// For edges of the patch with a place: its number on the line, and its share of the edge's
+    /// larger point.
     on_edge: HashMap<(u32, u32), (u32, f64)>,
-    /// Ends inside of triangles: number on the line, and its shares.
+    /// For triangles of the patch with an end inside: its number on the line, and its shares of the
+    /// corners.
     inside: HashMap<u32, (u32, [f64; 3])>,
-    /// Vertices made on edges of the mesh.
+    /// New vertices on edges of the mesh.
     vertices_on_edges: HashMap<(u32, u32), u32>,
 }
 
@@ -262,7 +271,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// Appends the pieces of a triangle, `number` in the patch.
+    /// Appends the pieces of triangle `face` of the mesh, which has this `number` in the patch.
     fn split(&mut self, cut: &mut CutMesh, mesh: &Mesh, face: u32, number: u32) {
         let rim = self.rim(cut, mesh, face, number);
         let push = |cut: &mut CutMesh, corners: [Corner; 3]| {
@@ -286,7 +295,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// The corners of a triangle and the places on its edges, all around.
+    /// The corners of a triangle and the places on its edges, in order around it.
     fn rim(&mut self, cut: &mut CutMesh, mesh: &Mesh, face: u32, number: u32) -> Vec<Corner> {
         let vertices = mesh.triangles[face as usize];
         let points = self.patch.triangles[number as usize];
@@ -319,8 +328,8 @@ impl<'a> Splitter<'a> {
     }
 }
 
-/// A triangle with places on up to two of its edges as triangles. `first_place`: points from here on
-/// are such places.
+/// Divides a triangle with places on up to two of its edges into triangles. `first_place`: points
+/// from this number on are such places.
 fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec<[Corner; 3]> {
     let is_place = |c: &Corner| c.1 >= first_place;
     let at = |i: usize| rim[i % rim.len()];
@@ -337,7 +346,7 @@ fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec
             [at(start), at(start + 2), at(start + 3)],
         ],
         5 => {
-            // Two places with one corner between them: found from the second of them.
+            // Two places with one corner between them, in order from the second place on.
             let second = (0..5).find(|&i| is_place(&at(i)) && is_place(&at(i + 3)));
             let Some(second) = second else {
                 return fan_of_all(rim);
@@ -366,26 +375,32 @@ fn fan_of_all(rim: &[Corner]) -> Vec<[Corner; 3]> {
 
 /// Which bank every corner on the line belongs to.
 ///
-/// The line has been cut into the triangles, and now one sheet becomes two banks, the upper and the lower lip. The
-/// banks share the line's vertices until [`CutMesh::part`] copies those of the lower bank. For this it needs the bank
-/// of every corner of a piece that lies on the line, and that of pieces which touch the line in one place alone.
+/// The triangles have been cut along the line, and now one sheet becomes two banks, the upper and
+/// the lower lip. The banks share the line's vertices until [`CutMesh::part`] copies those of the
+/// lower bank. For this it needs to know the bank of every corner on the line, also for pieces that
+/// touch the line at only one place.
 ///
-/// 1. Pieces with a side on the line come in two kinds. Triangles run around the same way all over the skin, so the
-///    side of a piece on one bank runs with the line and the side of its neighbour on the other bank runs against it.
-/// 2. The heights above the seam say which kind is the upper bank. The sum over all these pieces decides, because a
-///    single third corner may lie on the wrong side of the smooth seam. If the kind that runs against the line is
-///    higher, the faces of the mesh look inward.
-/// 3. Around each inner place of the line the pieces fall into groups that hang together without crossing the line
-///    ([`fans`]). A group belongs to the bank of its pieces that have a side on the line.
-/// 4. A group that has no such piece, or pieces of both banks, belongs to the bank on whose side the points of its
-///    pieces lie in the mean.
+/// 1. Pieces with a side on the line come in two kinds. All triangles of the skin wind the same
+///    way, so the side of a piece on one bank runs along the line and the side of its neighbour on
+///    the other bank runs against it.
+/// 2. The heights above the seam say which kind is the upper bank. The sum over all these pieces
+///    decides, because a single third corner may lie on the wrong side of the smooth seam. If the
+///    kind that runs against the line is higher, the faces of the mesh look inward.
+/// 3. Around each inner place of the line the pieces fall into groups that are connected without
+///    crossing the line ([`fans`]). A group belongs to the bank of its pieces that have a side on
+///    the line.
+/// 4. Where a group has no such piece, or pieces of both banks, it belongs to the bank on whose
+///    side the points of its pieces lie on average.
 ///
-/// The two ends of the line are corners of the mouth. Both banks keep them, so no corner there is listed.
+/// The two ends of the line are corners of the mouth. Both banks keep them, so no corner there is
+/// listed.
 ///
-/// Costs one pass over the pieces of the patch, and at each place of the line the square of the number of pieces
-/// around it. A side of the line that lacks a piece on one bank is a hole in the skin, and the mesh is refused.
+/// The cost is one pass over the pieces of the patch, and at each place of the line the square of
+/// the number of pieces around it. Where a segment of the line has no piece on one bank, the skin
+/// has a hole and the mesh is refused.
 struct Banks {
-    /// Piece, corner of the piece, whether it lies on the lower bank.
+    /// For each corner on the line its piece, its number in the piece, and whether it lies on the
+    /// lower bank.
     corners: Vec<(u32, usize, bool)>,
     /// For each place of the line a piece and its corner on that bank.
     upper: Vec<(u32, usize)>,
@@ -421,7 +436,7 @@ impl Banks {
     }
 }
 
-/// The line, and the pieces that it has cut.
+/// The line and the pieces along it.
 struct CutLine<'a> {
     cut: &'a CutMesh,
     patch: &'a Patch,
@@ -430,16 +445,18 @@ struct CutLine<'a> {
 
 /// The pieces that touch the line.
 struct Beside {
-    /// For each side of the line the piece whose own side runs with it, and the piece whose own side runs against it.
+    /// For each segment of the line the piece whose side runs along it, and the piece whose side
+    /// runs against it.
     sides: Vec<[Option<u32>; 2]>,
     /// For each place of the line the pieces around it, with their corner there.
     around: Vec<Vec<(u32, usize)>>,
-    /// By how much the pieces that run with the line lie higher above the seam than those that run against it, summed.
+    /// Sum of the heights above the seam of the pieces that run along the line, minus that of the
+    /// pieces that run against it. The height of a piece is that of its corner off the line.
     height: f64,
 }
 
 impl CutLine<'_> {
-    /// The point of a place of the line, as pieces number points.
+    /// The number of a place of the line in the `points` of pieces.
     fn point(&self, n: usize) -> u32 {
         match self.nodes[n] {
             Node::Vertex(v) => v,
@@ -545,8 +562,8 @@ impl CutLine<'_> {
     }
 }
 
-/// The pieces around a place in groups that hang together without crossing the line; `ends`: its
-/// neighbours on the line.
+/// Groups the pieces around a place so that each group is connected without crossing the line.
+/// `ends`: the place's neighbours on the line.
 fn fans(cut: &CutMesh, around: &[(u32, usize)], ends: [u32; 2]) -> Vec<Vec<(u32, usize)>> {
     let others = |&(piece, k): &(u32, usize)| {
         let points = cut.pieces[piece as usize].points;

@@ -1,12 +1,12 @@
 //! Parts lips that are one surface: finds a seam, cuts along it and sews a bag behind it.
 //!
 //! The seam is the valley between the lips (`valley`). Large triangles beside it are divided
-//! (`refine`), and it is drawn over the surface as a level set (`trace`), so that it crosses
-//! triangles where no edge follows it. The surface is cut there (`cut`), and lips that roll inward
-//! and a bag are sewn to both banks (`bag`). A trial opening measures whether the mouth is good
-//! (`trial`). No old vertex moves and none is lost, so that the surface at rest stays the same.
-//! Every new vertex and every corner of a new triangle names its sources, so that a caller can
-//! carry texture coordinates, groups, normals, materials and shape keys over.
+//! (`refine`). It is then drawn over the surface as a level set (`trace`), so that it crosses
+//! triangles where no edge follows it. The surface is cut there (`cut`), and inner sides of the
+//! lips, which roll inward, and a bag are sewn to both banks (`bag`). A trial opening measures
+//! whether the mouth is good (`trial`). No old vertex moves and none is lost, so the surface at
+//! rest stays the same. Every new vertex and every corner of a new triangle names its sources, so
+//! that a caller can carry over texture coordinates, groups, normals, materials and shape keys.
 
 mod bag;
 mod cut;
@@ -57,8 +57,9 @@ const LEAST_VERTICES: usize = 3;
 /// ```
 ///
 /// # Errors
-/// `InvalidInput` where the lips part already, stand apart before a pit, or the landmarks name no mouth; `Mesh` where the surface
-/// between the lips has no line from corner to corner.
+/// `InvalidInput` where the lips part already, where they stand apart in front of a pit, or where the
+/// landmarks mark no mouth. `Mesh` where no line leads from corner to corner on the surface between
+/// the lips.
 pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
     let mouth = Mouth::of(mesh, landmarks);
     if mouth != Mouth::Welded {
@@ -141,8 +142,9 @@ impl OpenedFace {
 }
 
 /// Puts the landmarks of the inner lips on the rims, and those of the lips' borders on their own
-/// side of the seam. A landmark on the wrong lip would drag that lip along. Left and right mirror
-/// each other about the seam, so that the mouth opens alike on both sides.
+/// side of the seam. A landmark on the wrong lip would drag that lip along. Left and right
+/// landmarks mirror each other, with heights measured from the seam, so that the mouth opens alike
+/// on both sides.
 fn landmarks_on_lips(
     cut: &CutMesh,
     landmarks: &Landmarks,

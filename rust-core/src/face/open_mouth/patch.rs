@@ -13,25 +13,26 @@ use crate::{
     },
 };
 
-/// Skin this far from the middle of the mouth is looked at, in widths of the mouth, and so many times
-/// less far up and down.
+/// The patch reaches this far from the middle of the mouth, in widths of the mouth.
 const REACH: f64 = 0.85;
+/// Up and down it reaches this many times less far.
 const FLATTER: f64 = 1.6;
-/// Landmarks of the lips: those that say which surface is the skin.
+/// Landmarks of the lips. The surface that holds most of them is the skin.
 const LIPS: std::ops::Range<usize> = 48..68;
 
-/// Where the mouth is: the length of its axes is the way between the inner corners.
+/// The frame of a mouth. Its unit of length is the distance between the inner corners.
 pub(super) struct MouthFrame {
     /// The subject's right corner, mesh units.
     pub start: DVec3,
     /// Unit vectors: to the left corner, up, out of the face.
     pub axes: [DVec3; 3],
-    /// Between the inner corners, mesh units.
+    /// Distance between the inner corners, mesh units.
     pub width: f64,
 }
 
 impl MouthFrame {
-    /// Up is half the head's and half the way from the lower to the upper lip.
+    /// Up is the mean of the head's up and the direction from the lower to the upper lip. Where the
+    /// two disagree, it is the head's up alone.
     pub fn of(landmarks: &Landmarks, to_canonical: &Similarity) -> Result<MouthFrame> {
         let at = |n: usize| Vec3::from(landmarks.positions[n]).as_dvec3();
         let (start, way) = (at(60), at(64) - at(60));
@@ -70,19 +71,20 @@ impl MouthFrame {
         self.local(Vec3::from(p).as_dvec3())
     }
 
-    /// The way back.
+    /// The point of the mesh that has these local coordinates.
     pub fn point(&self, local: DVec3) -> DVec3 {
         let [across, up, out] = self.axes;
         self.start + self.width * (across * local.x + up * local.y + out * local.z)
     }
 }
 
-/// Which vertices at one place are taken for one.
+/// Which vertices at the same place count as one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sewing {
-    /// Those along texture seams.
+    /// Only vertices along texture seams.
     Seams,
-    /// All: where hard edges and corners of several textures meet no seam is told from a rim.
+    /// All of them. Where hard edges and corners of several textures meet, seams cannot be told
+    /// from rims.
     Places,
 }
 
@@ -90,7 +92,7 @@ pub(super) enum Sewing {
 pub(super) struct Patch {
     /// `[F']`, numbers of its triangles in the mesh.
     pub faces: Vec<u32>,
-    /// `[F', 3]`, over its own points.
+    /// `[F', 3]`, indices into `points`.
     pub triangles: Vec<[u32; 3]>,
     /// `[P, 3]`, in the mouth's frame.
     pub points: Vec<DVec3>,
@@ -149,7 +151,7 @@ impl Patch {
         Ok(patch)
     }
 
-    /// Length of the longest edge near a point of the mouth's frame, in widths.
+    /// Longest edge of the triangle nearest to a point of the mouth's frame, in widths.
     pub fn edge_near(&self, p: DVec3) -> f64 {
         let length = |t: &[u32; 3]| -> f64 {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
@@ -168,7 +170,8 @@ impl Patch {
     }
 }
 
-/// `[V]`: of the corners of some triangles the first at the same place; all others for themselves.
+/// `[V]`: for each corner of these triangles, the first corner at the same place. Every other
+/// vertex stands for itself.
 fn same_places(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut used: Vec<u32> = triangles.as_flattened().to_vec();
     used.sort_unstable();
@@ -176,14 +179,14 @@ fn same_places(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut sewn: Vec<u32> = (0..positions.len() as u32).collect();
     let mut first = HashMap::new();
     for v in used {
-        // Adding zero makes −0 and 0 one place.
+        // Adding zero turns −0 into 0, so that both are one place.
         let place = positions[v as usize].map(|x| (x + 0.0).to_bits());
         sewn[v as usize] = *first.entry(place).or_insert(v);
     }
     sewn
 }
 
-/// The part that holds most landmarks of the lips.
+/// The part that holds the most landmarks of the lips.
 fn most_landmarks(parts: &Parts, sewn: &[u32], landmarks: &Landmarks) -> Result<u32> {
     let mut counts = vec![0; parts.count];
     for n in LIPS {

@@ -12,8 +12,9 @@ use crate::{
     spread::{Collector, Movement},
 };
 
-/// Half the width, and lowest and highest place of what is drawn of the default head, metres.
+/// Half the width of the part of the default head that is drawn, metres.
 const SIDE: f32 = 0.085;
+/// Its lowest and highest point, metres.
 const HEIGHTS: [f32; 2] = [-0.125, 0.085];
 
 fn default_head() -> (Mesh, Vec<[f32; 3]>) {
@@ -28,7 +29,8 @@ fn default_head() -> (Mesh, Vec<[f32; 3]>) {
     (mesh, landmarks.positions.to_vec())
 }
 
-/// The default head from the front as one sheet, closed by a point behind it: its lips are one surface.
+/// Depths of the default head seen from the front. Its mesh is one sheet, closed by a point behind
+/// it, so that its lips are one surface.
 struct Mask {
     columns: usize,
     rows: usize,
@@ -91,7 +93,8 @@ impl Mask {
         }
     }
 
-    /// Changes depths by what `of` says of the place from the middle of the mouth, metres.
+    /// Adds `of` to the depths, metres. `of` receives the offset from the middle of the mouth,
+    /// metres.
     fn moved(mut self, of: impl Fn([f32; 2]) -> f32) -> Mask {
         let middle = self.landmarks[62];
         for (row, column) in (0..self.rows).flat_map(|r| (0..self.columns).map(move |c| (r, c))) {
@@ -101,7 +104,7 @@ impl Mask {
         self
     }
 
-    /// The same on both sides, landmarks included.
+    /// Averages the two sides, landmarks included.
     fn symmetric(mut self) -> Mask {
         for row in 0..self.rows {
             for column in 0..self.columns / 2 {
@@ -164,7 +167,7 @@ fn area(mesh: &Mesh, triangles: std::ops::Range<usize>) -> f64 {
     mesh.face_areas()[triangles].iter().sum()
 }
 
-/// What every opened mouth must be. Returns the width of the slit, metres.
+/// Checks what must hold for every opened mouth. Returns the width of the slit, metres.
 fn check(mesh: &Mesh, opened: &OpenedFace) -> f32 {
     let report = opened.mesh.report();
     let before = mesh.report();
@@ -276,7 +279,7 @@ fn bearded_wavy_and_slightly_open_lips_are_parted() {
     };
     let (mesh, opened) = Mask::new(140, 160).moved(waves).opened();
     check(&mesh, &opened);
-    // A strip of 4 mm between the lips that lies 4 mm behind them.
+    // The strip between the lips is 4 mm high and lies 4 mm behind them.
     let ajar = |[x, y]: [f32; 2]| match x.abs() < 0.02 && y.abs() < 0.002 {
         true => -0.004,
         false => 0.0,
@@ -311,7 +314,7 @@ fn the_slit_follows_a_groove_that_the_landmarks_miss() {
 fn texture_seams_and_faces_that_look_inward_are_no_hindrance() {
     let mask = Mask::new(81, 90);
     let mut mesh = mask.mesh();
-    // Every vertex of the middle column twice, as exporters do along texture seams.
+    // Doubles every vertex of the middle column, as exporters do along texture seams.
     let middle: Vec<u32> = (0..90).map(|row| row * 81 + 40).collect();
     let first = mesh.positions.len() as u32;
     let copies: Vec<[f32; 3]> = middle.iter().map(|&v| mesh.positions[v as usize]).collect();
@@ -349,7 +352,7 @@ fn texture_seams_and_faces_that_look_inward_are_no_hindrance() {
         };
         mesh.triangles.iter().map(six).sum::<f64>() / 6.0
     };
-    // The bag takes its room from the head: faces of both look the same way.
+    // The bag's faces are oriented like the head's, so the bag takes volume from the head.
     assert!(volume(&inward) < 0.0 && volume(&opened.mesh) > volume(&inward) + 5e-6);
 }
 
@@ -366,7 +369,7 @@ fn lips_that_part_already_are_left_alone() {
     assert!(error.to_string().contains("part already (slit)"), "{error}");
 }
 
-/// A wide open mouth on a head of human size, metres.
+/// Motion of the landmarks that opens the mouth wide, on a head of human size, metres.
 fn wide_open() -> Array3<f32> {
     let mut moved = Array3::zeros((1, 68, 3));
     for (n, share) in [
@@ -441,7 +444,7 @@ fn opened_lips_part_by_what_the_landmarks_say() {
             a - b
         );
     }
-    // In between no place of the rim stays behind.
+    // Between the landmarks no part of the rim lags behind.
     let range = |n: usize| landmarks.positions[n][0];
     for (&u, &l) in opened.upper_rim.iter().zip(&opened.lower_rim) {
         let x = opened.mesh.positions[u as usize][0];
@@ -473,7 +476,7 @@ fn lips_that_stay_one_surface_are_not_pulled_apart() {
     let growth: Vec<f64> = growth.map(|((before, after), _)| after / before).collect();
     let torn = growth.iter().filter(|g| **g > 2.0).count();
     assert!(torn * 200 <= growth.len(), "{torn} of {}", growth.len());
-    // The borders of the lips still show that the mouth is open.
+    // The outer borders of the lips still show that the mouth is open.
     let [a, b] = [51, 57].map(|n| ways[located.vertices[n] as usize][1]);
     assert!(a - b > 0.004, "{}", a - b);
 }
@@ -515,7 +518,7 @@ fn landmarks_of_the_lower_lip_above_the_seam_go_below_it() {
 #[test]
 fn inner_lips_roll_behind_the_front_of_the_other_lip() {
     for bulge in [0.0, 0.004] {
-        // A flat mouth, and lips that dive into a valley.
+        // First a flat mouth, then lips that curve down into a valley.
         let lips = |[x, y]: [f32; 2]| {
             let inside = (1.0 - (x / 0.025).powi(2)).max(0.0);
             bulge * inside * (1.0 - (-(y / 0.004).powi(2)).exp()) * (-(y / 0.012).powi(2)).exp()

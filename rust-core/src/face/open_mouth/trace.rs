@@ -1,9 +1,9 @@
 //! The line between the lips on the surface: a level set of the height above the seam.
 //!
-//! Every point of the patch has its height above the seam. The line crosses the surface where this
-//! height changes sign, through triangles as along edges, so that it needs no edges of the mesh.
-//! Folds and beards would give it branches. So the heights are smoothed along the surface (one
-//! backward step of heat flow), more and more until one line leads from corner to corner.
+//! Every point of the patch has a height above the seam. The line crosses the surface where this
+//! height changes sign. It may run through triangles, so the mesh needs no edges along it. Folds
+//! and beards would give it branches. So the heights are smoothed along the surface (one backward
+//! step of heat flow), more and more until one line leads from corner to corner.
 
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -20,27 +20,28 @@ use crate::{
     operators::{NO_ROW, OperatorOptions, Operators, SparseCholesky},
 };
 
-/// Lengths over which heights are smoothed, in widths of the mouth, one after the other.
+/// Lengths over which heights are smoothed, in widths of the mouth, tried one after the other.
 const SMOOTHED_OVER: [f64; 5] = [0.01, 0.03, 0.06, 0.12, 0.25];
-/// A crossing this near to the end of an edge, as a share of the edge, goes through the vertex
-/// instead.
+/// A crossing this near to the end of an edge, as a share of the edge, is moved to the vertex
+/// there.
 const SNAP: f64 = 0.18;
-/// The line may end this far from a corner, in widths, plus the length of an edge there.
+/// The line may end this far from a corner, in widths, plus 1.2 times the longest edge there.
 const MISS: f64 = 0.06;
-/// The line reaches no further beyond a corner, in widths.
+/// The line reaches at most this far beyond a corner, in widths.
 const BEYOND: f64 = 0.3;
 const LONGEST: f64 = 3.0;
-/// A corner inside a piece of the line cuts it, but no nearer to the piece's ends than this share.
+/// A corner beside a piece of the line cuts the piece, but not within this share of either end.
 const TRIM: f64 = 0.15;
 
-/// A place where the line meets edges of the patch, or one of its two ends.
+/// A point where the line meets an edge or a vertex of the patch, or one of the line's two ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Node {
     /// A point of the patch.
     Vertex(u32),
-    /// Points of the patch, ascending, and the share of the second.
+    /// Two points of the patch, ascending, and the weight of the second.
     Edge(u32, u32, f64),
-    /// Triangle of the patch, and the shares of its corners: an end alone.
+    /// A triangle of the patch and the weights of its corners. Only an end of the line lies inside
+    /// a triangle.
     Inside(u32, [f64; 3]),
 }
 
@@ -55,8 +56,8 @@ impl Node {
     }
 }
 
-/// The line from the subject's right corner of the mouth to the left one. `corners`: of the mouth, in
-/// its frame.
+/// The line from the subject's right corner of the mouth to the left one. `corners`: the corners of
+/// the mouth, in its frame.
 ///
 /// # Errors
 /// `Mesh` where no line leads from corner to corner.
@@ -86,7 +87,7 @@ struct Heat {
 }
 
 impl Heat {
-    /// `None` on a patch that has no operators.
+    /// `None` where the operators of the patch cannot be built.
     fn of(patch: &Patch) -> Option<Heat> {
         let mesh = Mesh {
             positions: patch.points.iter().map(|p| p.as_vec3().into()).collect(),
@@ -100,7 +101,7 @@ impl Heat {
         Some(Heat { operators })
     }
 
-    /// `(M + ℓ² L) x = M h`: heights that differ over less than `ℓ` are evened out.
+    /// Solves `(M + ℓ² L) x = M h`, which evens out heights that differ over less than `ℓ`.
     fn smoothed(&self, heights: &[f64], length: f64) -> Option<Vec<f64>> {
         let operators = &self.operators;
         let flow = operators
@@ -128,12 +129,12 @@ impl Heat {
     }
 }
 
-/// The level set: nodes, and the triangles that join two of them.
+/// The level set: its nodes, and links between two nodes of one triangle.
 struct Level<'a> {
     patch: &'a Patch,
     nodes: Vec<Node>,
     positions: Vec<DVec3>,
-    /// Of each node: the other one and the triangle.
+    /// For each node its links: the other node and the triangle.
     links: Vec<Vec<(u32, u32)>>,
 }
 
@@ -185,7 +186,7 @@ impl<'a> Level<'a> {
         })
     }
 
-    /// The first line from corner to corner that comes near both.
+    /// The first line that leads from near one corner to near the other.
     fn line(&self, corners: [DVec3; 2]) -> Option<Vec<Node>> {
         let [starts, ends] = corners.map(|corner| {
             let reach = MISS + 1.2 * self.patch.edge_near(corner);
@@ -218,7 +219,8 @@ impl<'a> Level<'a> {
         near.into_iter().map(|(_, n)| n).collect()
     }
 
-    /// Whether a way stays on the front of the mouth: nowhere far beyond its corners.
+    /// Whether a path stays on the front of the mouth: it never goes far beyond the corners and is
+    /// not too long.
     fn is_between(&self, way: &[u32], corners: [DVec3; 2]) -> bool {
         let (low, high) = (corners[0][0] - BEYOND, corners[1][0] + BEYOND);
         let length: f64 = way
@@ -229,7 +231,7 @@ impl<'a> Level<'a> {
         way.iter().all(inside) && length < LONGEST
     }
 
-    /// For every node that a start reaches, the one before it on the shortest way.
+    /// For every node that can be reached from `start`, the node before it on the shortest path.
     fn ways_from(&self, start: u32) -> Vec<Option<u32>> {
         let mut from = vec![None; self.nodes.len()];
         let mut least = vec![f32::INFINITY; self.nodes.len()];
@@ -262,7 +264,8 @@ impl<'a> Level<'a> {
         way
     }
 
-    /// Ends the way at the corners themselves where they lie well inside of a triangle that it crosses.
+    /// Ends the line at the corners themselves where they lie well inside a triangle that it
+    /// crosses.
     fn with_ends(&self, way: Vec<u32>, corners: [DVec3; 2]) -> Vec<Node> {
         let mut line: Vec<Node> = way.iter().map(|&n| self.nodes[n as usize]).collect();
         let end = self.end(&way, corners[1], true);
@@ -278,7 +281,7 @@ impl<'a> Level<'a> {
         line
     }
 
-    /// An end inside of a triangle, and whether it lies beyond the way's last node.
+    /// An end inside a triangle, and whether it lies beyond the outermost node of the path.
     fn end(&self, way: &[u32], corner: DVec3, last: bool) -> Option<(Node, bool)> {
         let at = if last { way.len() - 1 } else { 0 };
         let inner = if last {
@@ -313,7 +316,7 @@ impl<'a> Level<'a> {
     }
 }
 
-/// Above 1, below −1, on the level 0: so near to it that a crossing would leave a sliver.
+/// 1 above the level, −1 below it. 0 is so near to the level that a crossing would leave a sliver.
 fn signs(patch: &Patch, heights: &[f64]) -> Vec<i8> {
     let sign = |h: f64| if h < 0.0 { -1i8 } else { 1 };
     let mut signs: Vec<i8> = heights.iter().map(|&h| sign(h)).collect();

@@ -1,4 +1,4 @@
-//! Measures along its rims how an opened mouth parts when the jaw drops by 20 mm.
+//! Measures how the rims of an opened mouth part when the jaw drops by 20 mm.
 
 use glam::{DVec2, DVec3};
 use ndarray::{Array3, ArrayView2};
@@ -20,27 +20,30 @@ const CORNERS: f32 = 0.4;
 const BACK: f32 = 0.3;
 /// Places from corner to corner at which a rim is measured.
 const PLACES: usize = 33;
-/// Places at either end that do not count: rims turn and rise steeply at corners by nature.
+/// This many places at either end do not count, because rims naturally turn and rise steeply there.
 const CORNER_PLACES: usize = 3;
 
 /// The measurements of a trial opening.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MouthTrial {
-    /// Least share of the landmarks' gap by which the rims part between the landmarks 61 and 63.
+    /// Gap between the rims as a share of the landmarks' gap, where it is smallest between
+    /// landmarks 61 and 63.
     pub parted: f64,
-    /// The largest bend of a rim between two pieces of a 32nd of its length, degrees: at rest, and open.
+    /// The largest angle between neighbouring pieces of a rim, each a 32nd of its length, degrees:
+    /// at rest, and open.
     pub bend_deg: [f64; 2],
-    /// Largest difference in height between the right and left half of an open rim, as a share of the gap.
+    /// Largest difference in height between the right and left half of an open rim, as a share of
+    /// the widest gap.
     pub asymmetry: f64,
     /// Triangles of the skin around the mouth that turn over.
     pub turned: usize,
 }
 
 impl OpenedFace {
-    /// Measures the opening that displaces the vertices by `moved` `[V', 3]`, mesh units and axes.
+    /// Measures the opening. `moved` `[V', 3]`: displacements of the vertices, mesh units and axes.
     ///
     /// # Errors
-    /// `InvalidInput` where the landmarks name no mouth.
+    /// `InvalidInput` where the landmarks do not describe a mouth.
     pub(crate) fn trial(&self, moved: ArrayView2<'_, f32>) -> Result<MouthTrial> {
         let to_canonical = align_to_canonical(&self.landmarks)?;
         let frame = MouthFrame::of(&self.landmarks, &to_canonical)?;
@@ -107,7 +110,8 @@ impl OpenedFace {
 }
 
 impl MouthTrial {
-    /// Motion of the landmarks `[1, 68, 3]`, canonical metres: the jaw drops and the lower lip goes along.
+    /// Motion of the landmarks `[1, 68, 3]`, canonical metres: the jaw drops and takes the lower
+    /// lip along.
     pub fn jaw_drop() -> Array3<f32> {
         let mut moved = Array3::zeros((1, LANDMARKS, 3));
         let mut drop = |n: usize, share: f32| {
@@ -129,14 +133,14 @@ impl MouthTrial {
         moved
     }
 
-    /// Least share of the landmarks' gap by which lips part.
+    /// Lips have to part by at least this share of the landmarks' gap.
     const LEAST_PARTED: f64 = 0.8;
     const MOST_ASYMMETRY: f64 = 0.1;
-    /// A rim that bends more shows a spike. Mouths that look well bend by up to 27 degrees.
+    /// A rim that bends by more than this shows a spike. Good mouths bend by up to 27 degrees.
     const MOST_BEND_DEG: f64 = 35.0;
 
     /// # Errors
-    /// `Mesh` with what is wrong and what to do.
+    /// `Mesh` with the problem and advice on how to solve it.
     pub(crate) fn check(&self) -> Result<()> {
         let MouthTrial {
             parted,
@@ -166,12 +170,12 @@ fn places() -> impl Iterator<Item = f64> {
     (0..PLACES).map(|i| i as f64 / (PLACES - 1) as f64)
 }
 
-/// By which share of the drop the lips should part at each place between the corners.
+/// Places between the corners, and the share of the drop by which the lips should part there.
 fn expected_openings() -> [(f64, f64); 5] {
     std::array::from_fn(|i| (0.25 * i as f64, OPENINGS[i]))
 }
 
-/// A value between those at ascending places.
+/// Interpolates linearly between values at ascending places.
 fn at(values: &[(f64, f64)], place: f64) -> f64 {
     let next = values.partition_point(|(x, _)| *x < place);
     let next = next.clamp(1, values.len() - 1);
@@ -179,7 +183,8 @@ fn at(values: &[(f64, f64)], place: f64) -> f64 {
     a + (b - a) * ((place - x0) / (x1 - x0).max(1e-12)).clamp(0.0, 1.0)
 }
 
-/// The largest angle between neighbouring pieces of a line cut into pieces of one length, radians.
+/// Cuts a line into pieces of equal length. Returns the largest angle between two neighbours,
+/// radians.
 fn largest_bend(line: &[DVec2]) -> f64 {
     let mut length = vec![0.0];
     for ends in line.windows(2) {

@@ -1,9 +1,10 @@
 //! Where the lips meet: the valley between them, seen from the front.
 //!
-//! The patch is drawn into a grid of depths over the mouth's frame. In each column from corner to
-//! corner, a place counts as a valley as far as it lies behind the mean of the places above and
-//! below it. The cheapest path through the grid from one corner to the other (dynamic programming)
-//! follows the valley, keeps near the line of the inner-lip landmarks and does not jump.
+//! The patch is drawn into a grid of depths over the mouth's frame, with columns from corner to
+//! corner. The further a place lies behind the mean of the places above and below it, the deeper a
+//! valley it is. The cheapest path through the grid from one corner to the other (dynamic
+//! programming) follows the valley, stays near the line of the inner-lip landmarks and does not
+//! jump.
 
 use glam::DVec3;
 
@@ -18,29 +19,32 @@ const ROW: f64 = 0.004;
 const RANGE: i64 = 24;
 /// Distances of the places above and below, in rows (1.2, 2.4 and 4 mm).
 const FLANKS: [i64; 3] = [6, 12, 20];
-/// A valley of this depth, in widths, outweighs one standard deviation from the landmarks' line.
-/// One this many times deeper is a hole and no gap between lips.
+/// A valley this deep, in widths, outweighs one standard deviation from the landmarks' line.
 const DEEP: f64 = 0.015;
+/// A valley more than this many times deeper is a hole, not a gap between lips: more depth counts
+/// no more.
 const DEEPEST: f64 = 8.0;
-/// Standard deviation of the landmarks' line, in rows: in the middle, and at the corners.
+/// Standard deviation of the seam from the landmarks' line, in rows: in the middle, and at the
+/// corners.
 const TRUST: [f64; 2] = [20.0, 2.0];
-/// Standard deviation of a step between two columns against the landmarks' line, in rows.
+/// Standard deviation of a step between two columns, relative to the landmarks' line, in rows.
 const STEP: f64 = 3.0;
-/// A pit: behind a lip the surface lies back by this much, in widths of the mouth (8 mm). It does
-/// so from the second number of rows beyond the lip (2 mm) on, for the third number of rows (3 mm).
-/// Suzanne's lies back by 0.33 widths. Lips that meet fall by 0.05 in as many rows.
+/// In a pit the surface lies at least this far behind the lip, in widths of the mouth (8 mm).
+/// Suzanne's pit lies 0.33 widths back. Lips that meet fall by 0.05 over the same number of rows.
 const PIT: f64 = 0.15;
+/// The floor of a pit begins this many rows beyond the lip (2 mm).
 const CLIFF: i64 = 10;
+/// The floor of a pit is this many rows high (3 mm).
 const FLOOR: i64 = 15;
-/// Triangles so near to the seam show its shape, in widths (4 mm).
+/// Triangles this near to the seam show its shape, in widths (4 mm).
 const BESIDE: f64 = 0.08;
-/// Edges up to the first length show how the halves of a seam differ. Those longer than the second
-/// do not. In widths (3 and 8 mm).
+/// Edges up to the first length show how the halves of a seam differ. Edges longer than the second
+/// length do not. In widths (3 and 8 mm).
 const COARSE: [f64; 2] = [0.06, 0.16];
-/// Passes of a binomial filter over the line that was found.
+/// Passes of a binomial filter that smooths the line.
 const SMOOTHING: usize = 12;
 
-/// Height of the seam over the way from corner to corner.
+/// Height of the seam at each place from corner to corner.
 pub(super) struct SeamLine {
     heights: Vec<f64>,
 }
@@ -49,7 +53,7 @@ impl SeamLine {
     /// `inner`: landmarks 60 to 67 in the mouth's frame.
     ///
     /// # Errors
-    /// `InvalidInput` where the lips stand apart before the floor of a pit.
+    /// `InvalidInput` where the lips are already apart, with a pit behind them.
     pub fn find(patch: &Patch, inner: &[DVec3; 8]) -> Result<SeamLine> {
         let expected: Vec<f64> = (0..COLUMNS).map(|c| drawn(inner, place(c))).collect();
         let depths = Depths::of(patch, &expected);
@@ -89,7 +93,7 @@ impl SeamLine {
         ((middle - COARSE[0]) / (COARSE[1] - COARSE[0])).clamp(0.0, 1.0)
     }
 
-    /// The line with this share of the difference between its halves removed.
+    /// The line after this share of the difference between its halves is removed.
     fn evened(&self, share: f64) -> SeamLine {
         let mirrored = self.heights.iter().rev();
         let even = |(height, other): (&f64, &f64)| height + 0.5 * share * (other - height);
@@ -98,7 +102,7 @@ impl SeamLine {
         }
     }
 
-    /// Height at a place, 0 at the right corner and 1 at the left one, level beyond.
+    /// Height at a place: 0 is the right corner, 1 the left one. The line is level beyond them.
     pub fn height(&self, place: f64) -> f64 {
         let at = (place.clamp(0.0, 1.0) * (COLUMNS - 1) as f64).min((COLUMNS - 1) as f64 - 1e-9);
         let (first, rest) = (at as usize, at.fract());
@@ -116,7 +120,7 @@ fn place(column: usize) -> f64 {
     column as f64 / (COLUMNS - 1) as f64
 }
 
-/// Height of the line through the corners and the middles of the inner pairs.
+/// Height of the line through the corners and the middles of the inner pairs of landmarks.
 fn drawn(inner: &[DVec3; 8], place: f64) -> f64 {
     let middle = |a: usize, b: usize| [0, 1].map(|i| 0.5 * (inner[a][i] + inner[b][i]));
     let mut knots = vec![[0.0, inner[0][1]]];
@@ -132,9 +136,9 @@ fn drawn(inner: &[DVec3; 8], place: f64) -> f64 {
     y0 + (y1 - y0) * ((place - x0) / (x1 - x0)).clamp(0.0, 1.0)
 }
 
-/// Depth of the foremost surface, rows counted from the expected line of each column.
+/// Depth of the foremost surface. Rows count from the expected line of each column.
 struct Depths {
-    /// `[COLUMNS, ROWS]`, out of the face; minus infinity where nothing is.
+    /// `[COLUMNS, ROWS]`, positive out of the face; minus infinity where there is no surface.
     values: Vec<f64>,
 }
 
@@ -153,7 +157,7 @@ impl Depths {
         depths
     }
 
-    /// Draws a triangle where it lies in front.
+    /// Draws a triangle where it lies in front of the others.
     fn draw(&mut self, [a, b, c]: [DVec3; 3], expected: &[f64]) {
         let twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if twice.abs() < 1e-12 {
@@ -185,7 +189,7 @@ impl Depths {
         self.values[column * ROWS + (row + HALF) as usize]
     }
 
-    /// How far a place lies behind its neighbours; 0 where that is unknown.
+    /// How far a place lies behind its neighbours. 0 where it does not, or where they are unknown.
     fn valley(&self, column: usize, row: i64) -> f64 {
         let here = self.at(column, row);
         let behind = |away: i64| {
@@ -198,14 +202,14 @@ impl Depths {
 }
 
 impl Depths {
-    /// Whether most columns of the middle half look past a lip onto a floor far behind it.
+    /// Whether most columns of the middle half show a floor far behind a lip.
     fn are_a_pit(&self) -> bool {
         let middle = COLUMNS / 4..3 * COLUMNS / 4;
         let (all, pits) = (middle.len(), middle.filter(|c| self.has_floor(*c)).count());
         2 * pits > all
     }
 
-    /// Whether the surface lies back behind a lip that is below it, or above it.
+    /// Whether a column shows a floor far behind the lip below or above it.
     fn has_floor(&self, column: usize) -> bool {
         let lies_back = |lip: i64, way: i64| {
             let edge = self.at(column, lip);
@@ -228,7 +232,7 @@ fn range(values: [f64; 3]) -> (f64, f64) {
     (low, values.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// Rows from the expected line, one for each column.
+/// The cheapest path: for each column its distance from the expected line, in rows.
 fn cheapest_way(depths: &Depths) -> Vec<i64> {
     let rows = (2 * RANGE + 1) as usize;
     let cost_of = |column: usize, row: usize| -> f64 {
@@ -273,7 +277,7 @@ fn cheapest_way(depths: &Depths) -> Vec<i64> {
 mod tests {
     use super::*;
 
-    /// A sheet from corner to corner with a groove of the given depth at `height(x)`, in widths.
+    /// A sheet wider than the mouth with a groove of the given depth at `height(x)`, in widths.
     fn grooved(height: impl Fn(f64) -> f64, depth: f64) -> Patch {
         let (columns, rows) = (81u32, 81u32);
         let mut patch = Patch {

@@ -1,4 +1,4 @@
-//! A face whose mouth or eyes were cut open, and what each of its pieces was before.
+//! A face whose mouth or eyes were cut open, and the source of each of its pieces.
 
 mod refine;
 mod source;
@@ -11,31 +11,33 @@ pub use source::TriangleSource;
 /// A mesh whose lips or lids were one surface and can part now.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpenedFace {
-    /// The old vertices with their numbers, where they were; then the new ones. The old triangles in
-    /// their order, those that were cut in pieces; then what was sewn behind the cut.
+    /// Old vertices keep their numbers and positions; new ones follow. Old triangles keep their
+    /// order, and pieces replace those that were cut; the surface sewn behind the cut follows.
     pub mesh: Mesh,
-    /// The landmarks, those of lips or lids that were cut apart on their own rim.
+    /// The landmarks. Those of lips or lids that were cut apart lie on their own rim.
     pub landmarks: Landmarks,
-    /// `[V', 3]`: old vertices and their shares, sum 1, of which each vertex is a mixture. Vertices
-    /// behind the cut take what lies before them at the rim.
+    /// `[V', 3]`: the old vertices that each vertex is a mixture of, and their shares, sum 1.
+    /// Vertices behind the cut take the mixture of the rim in front of them.
     pub vertex_sources: Vec<[(u32, f32); 3]>,
-    /// `[F']`.
+    /// `[F']`: the source of each triangle.
     pub triangle_sources: Vec<TriangleSource>,
-    /// From here on vertices lie behind the cut.
+    /// Vertices from this number on lie behind the cut.
     pub first_inside_vertex: usize,
-    /// From here on triangles lie behind the cut and have the colour of what is before them: inner sides of lips and lids,
-    /// and the rest of an eyeball.
+    /// Triangles from this number on lie behind the cut and have the colour of the surface in front
+    /// of them: inner sides of lips and lids, and the rest of an eyeball.
     pub first_lining_triangle: usize,
-    /// From here on triangles are those of the mouth's inside behind the lips, where a mouth was opened.
+    /// Triangles from this number on belong to the inside of the mouth behind the lips, where a
+    /// mouth was opened.
     pub first_inside_triangle: usize,
-    /// Vertices of the upper lip's rim from the subject's right corner to the left one, where a mouth was opened.
+    /// Vertices of the upper lip's rim from the subject's right corner to the left one, where a
+    /// mouth was opened.
     pub upper_rim: Vec<u32>,
-    /// The same of the lower lip; both rims share their ends.
+    /// The same for the lower lip. Both rims share their ends.
     pub lower_rim: Vec<u32>,
 }
 
 impl OpenedFace {
-    /// How the new mesh is prepared where `face` is the old one.
+    /// The options with which to prepare the new mesh. `face`: the old face.
     pub fn face_options(&self, face: &Face) -> FaceOptions {
         let mut options = face.options.clone();
         options.landmarks = Some(LandmarkSource::from(&self.landmarks));

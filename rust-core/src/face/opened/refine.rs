@@ -1,7 +1,8 @@
-//! Finer triangles along a cut where a mesh is coarse: a rim bends no finer than its edges are.
+//! Makes triangles along a cut finer where a mesh is coarse, since a rim of long edges cannot bend
+//! smoothly.
 //!
 //! Long edges near the cut are halved until they are short; the surface stays the same. An edge is
-//! known by its two places, so that both banks of a texture seam are halved alike.
+//! identified by the positions of its ends, so that both banks of a texture seam are halved alike.
 
 use std::collections::HashSet;
 
@@ -10,17 +11,18 @@ use glam::DVec3;
 use super::source::TriangleSource;
 use crate::mesh::Mesh;
 
-/// Longest edge at the cut, in widths of the mouth or the eye (2 mm), and how much longer it may be for each width
-/// that it lies away from it.
+/// Longest edge at the cut, in widths of the mouth or the eye (2 mm).
 const LONGEST: f64 = 0.04;
+/// How much longer an edge may be for each width between it and the cut.
 const GROWTH: f64 = 0.5;
-/// Rounds of halving: an edge of ten widths comes down to the longest at the cut.
+/// Rounds of halving. They bring an edge of ten widths down to the longest one at the cut.
 const MOST_ROUNDS: usize = 8;
 
-/// Two places, the smaller first.
+/// The positions of both ends, as bits, the smaller first.
 type Edge = [[u32; 3]; 2];
 
-/// A mesh with more triangles on the same surface: old vertices first, pieces of old triangles in their order.
+/// A mesh with more triangles on the same surface. Old vertices come first, and pieces of old
+/// triangles keep the order of the triangles.
 pub(in crate::face) struct FineMesh {
     pub mesh: Mesh,
     /// Old vertices and their shares, three for each vertex.
@@ -29,8 +31,8 @@ pub(in crate::face) struct FineMesh {
 }
 
 impl FineMesh {
-    /// Halves long edges of some triangles beside a cut. `place`: a point of the mesh in widths, and how many widths
-    /// it lies from the cut.
+    /// Halves long edges of some triangles beside a cut. `place` returns a point of the mesh in
+    /// widths, and its distance from the cut in widths.
     pub fn beside(
         mesh: &Mesh,
         triangles: &[u32],
@@ -39,7 +41,7 @@ impl FineMesh {
         FineMesh::unchanged(mesh).refined(triangles, place)
     }
 
-    /// [`FineMesh::beside`] of a mesh that may be finer elsewhere.
+    /// [`FineMesh::beside`] for a mesh that may already be finer elsewhere.
     pub fn refined(mut self, triangles: &[u32], place: impl Fn(DVec3) -> (DVec3, f64)) -> FineMesh {
         let fine = &mut self;
         let mut near: HashSet<u32> = triangles.iter().copied().collect();
@@ -53,7 +55,7 @@ impl FineMesh {
         self
     }
 
-    /// The mesh itself.
+    /// The mesh as it is, not refined.
     pub fn unchanged(mesh: &Mesh) -> FineMesh {
         let vertices = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
         let triangles = (0..mesh.triangles.len() as u32).map(TriangleSource::whole);
@@ -64,7 +66,7 @@ impl FineMesh {
         }
     }
 
-    /// Edges of the triangles `near` that are too long where they are.
+    /// Edges of the triangles `near` that are too long for their distance from the cut.
     fn long_edges(
         &self,
         near: &HashSet<u32>,
@@ -75,7 +77,7 @@ impl FineMesh {
             let t = self.mesh.triangles[face as usize];
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                 let [p, q] = [a, b].map(|v| self.mesh.point(v));
-                // The place of the edge that is nearest to the cut, of five.
+                // Of five places along the edge, the nearest to the cut.
                 let places = (0..5).map(|i| place(p.lerp(q, 0.25 * f64::from(i))).1);
                 let away = places.fold(f64::INFINITY, f64::min);
                 if place(p).0.distance(place(q).0) > LONGEST + GROWTH * away {
@@ -87,13 +89,13 @@ impl FineMesh {
     }
 
     fn edge(&self, a: u32, b: u32) -> Edge {
-        // Adding zero makes −0 and 0 one place.
+        // Adding zero turns −0 into 0, so that both are one place.
         let place = |v: u32| self.mesh.positions[v as usize].map(|x| (x + 0.0).to_bits());
         let [p, q] = [place(a), place(b)];
         [p.min(q), p.max(q)]
     }
 
-    /// Halves edges and keeps `near` the pieces of what it was.
+    /// Halves edges. Replaces the triangles in `near` by their pieces.
     fn halve(&mut self, near: &mut HashSet<u32>, edges: &HashSet<Edge>) {
         let mut middles = std::collections::HashMap::new();
         let triangles = std::mem::take(&mut self.mesh.triangles);
@@ -136,7 +138,7 @@ impl FineMesh {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// A triangle with the middles of some of its edges, all around, as triangles.
+    /// Divides a triangle. `around`: its corners and the middles of some of its edges, in order.
     fn pieces<C: Copy>(&self, t: [u32; 3], around: Vec<(u32, C)>) -> Vec<[(u32, C); 3]> {
         let is_middle = |i: usize| !t.contains(&around[i % around.len()].0);
         let at = |i: usize| around[i % around.len()];
@@ -148,7 +150,8 @@ impl FineMesh {
                 vec![[at(m), at(m + 1), at(m + 2)], [at(m), at(m + 2), at(m + 3)]]
             }
             5 => {
-                // Two middles with one corner between them; the rest is cut along the shorter way.
+                // Two middles cut off the corner between them. The rest is cut along its shorter
+                // diagonal.
                 let m = (0..5)
                     .find(|&i| is_middle(i) && is_middle(i + 2))
                     .unwrap_or(0);
@@ -167,7 +170,8 @@ impl FineMesh {
     }
 }
 
-/// What a mixture of some vertices is of the vertices that these are mixtures of; all lie in one triangle.
+/// Expresses a mixture of vertices as a mixture of the old vertices in `sources`. All of these
+/// belong to one old triangle.
 pub(in crate::face) fn mixed(
     sources: &[[(u32, f32); 3]],
     shares: [(u32, f32); 3],

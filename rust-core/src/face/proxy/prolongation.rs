@@ -1,13 +1,14 @@
-//! From values at the proxy's vertices to values at the skin's, smoothly.
+//! Carries values smoothly from the proxy's vertices to the vertices of the skin.
 //!
-//! A vertex `x` beside the triangle of vertices `p_i` with weights `b_i` gets
+//! A vertex `x` beside a triangle with corners `p_i` and weights `b_i` gets
 //!
 //! `f(x) = Σ b_i (f_i + ½ g_i · (x − p_i))`
 //!
 //! with `g_i` the gradient of the values around `p_i`. Linear interpolation alone errs by half the
-//! second derivative, first-order expansion by as much the other way: with the half between them
-//! quadratic fields are exact where the gradients are, and no crease shows along the proxy's edges.
-//! As `g_i` is linear in the values around `p_i`, all of it is one sparse matrix.
+//! second derivative. A first-order expansion errs by the same amount the other way. The factor ½
+//! lies between the two, so quadratic fields are exact where the gradients are, and no crease shows
+//! along the proxy's edges. `g_i` is linear in the values around `p_i`, so the whole map is one
+//! sparse matrix.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -21,12 +22,12 @@ use crate::{
     nn::elementwise::vectorised,
 };
 
-/// Steps along the proxy in search of the closest triangle.
+/// The most steps along the proxy in search of the closest triangle.
 const MOST_STEPS: usize = 16;
 /// A triangle that faces away counts as this much further off, so that a fold of the lips does not
 /// attach to its other side.
 const FOLD_CM: f64 = 0.1;
-/// Vertices whose rows are in memory one by one before they become one matrix.
+/// Rows of this many vertices are computed at once before they are added to the matrix.
 const ROWS_AT_ONCE: usize = 1 << 16;
 /// Keeps the fit of a gradient defined where neighbours lie on a line.
 const RIDGE: f64 = 1e-3;
@@ -41,7 +42,7 @@ pub struct Prolongation {
 }
 
 impl Prolongation {
-    /// From the entries of each row.
+    /// Builds the matrix from the entries of each row.
     pub(crate) fn from_rows(rows: impl Iterator<Item = Vec<(u32, f32)>>) -> Prolongation {
         let mut out = Prolongation {
             start: vec![0],
@@ -63,7 +64,8 @@ impl Prolongation {
         self.start.len() - 1
     }
 
-    /// Fills `[block, columns]` with the values `[_, columns]` that the rows from `first` on take up.
+    /// Fills `block` `[_, columns]` with the products of the rows from `first` on and `values`
+    /// `[_, columns]`.
     pub(crate) fn take_up(&self, first: usize, values: &[f32], columns: usize, block: &mut [f32]) {
         vectorised(|| {
             for (at, row) in block.chunks_exact_mut(columns).enumerate() {
@@ -76,12 +78,13 @@ impl Prolongation {
         });
     }
 
-    /// Starts of the rows `[V + 1]`, columns and weights of all entries.
+    /// The starts of the rows `[V + 1]`, and the columns and weights of all entries.
     pub(crate) fn parts(&self) -> (&[u32], &[u32], &[f32]) {
         (&self.start, &self.columns, &self.weights)
     }
 
-    /// Of the parts of one with `rows` rows; `None` where they are not the parts of any.
+    /// Builds a matrix from its parts. `None` where they contradict each other or a column is not
+    /// below `limit`.
     pub(crate) fn of_parts(
         (start, columns, weights): (Vec<u32>, Vec<u32>, Vec<f32>),
         limit: usize,
@@ -111,8 +114,8 @@ impl Prolongation {
     }
 }
 
-/// Fills the last columns, `unfilled`, of a vertex, `W` at a time. Returns those that are left. The
-/// sums stay in registers until all entries are added.
+/// Fills `unfilled`, the last columns of a vertex, `W` at a time. Returns the columns that are
+/// left. The sums stay in registers until all entries are added.
 #[inline(always)]
 fn take_up_by<'a, const W: usize>(
     (rows, weights): (&[u32], &[f32]),
@@ -136,7 +139,7 @@ fn take_up_by<'a, const W: usize>(
     rest
 }
 
-/// Finds every vertex's place on the proxy. Returns the largest distance too.
+/// Finds every vertex's place on the proxy. Also returns the largest distance from it.
 pub(super) fn place_vertices(
     positions: &[DVec3],
     skin: &[[u32; 3]],
@@ -176,8 +179,8 @@ struct Coarse<'a> {
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
     rings: Rings,
-    /// `[V]`, of each vertex of the proxy: neighbour and its part `c` in the gradient
-    /// `g = Σ c (f_neighbour − f)`.
+    /// `[V]`: for each vertex of the proxy its neighbours, each with its coefficient `c` in the
+    /// gradient `g = Σ c (f_neighbour − f)`.
     gradients: Vec<Vec<(u32, DVec3)>>,
 }
 
@@ -226,7 +229,7 @@ impl<'a> Coarse<'a> {
         (row, distance)
     }
 
-    /// The closest triangle that is found by walking from `root`.
+    /// Walks from `root` to the closest triangle. Returns it with the weights of its corners.
     fn closest(&self, point: DVec3, normal: DVec3, root: u32) -> Option<(usize, [f64; 3])> {
         let mut best: Option<(f64, usize, [f64; 3])> = None;
         let mut at = root;
@@ -297,7 +300,7 @@ fn gradient(
         .collect()
 }
 
-/// Unit normal of a vertex, by the areas around it.
+/// Unit normal of a vertex: the normals around it, weighted by area.
 fn normal(positions: &[DVec3], triangles: &[[u32; 3]], rings: &Rings, v: u32) -> DVec3 {
     let mut normal = DVec3::ZERO;
     for &f in rings.faces(v) {

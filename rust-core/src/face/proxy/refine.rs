@@ -1,9 +1,8 @@
-//! Finer triangles where a mesh is coarse, and a vertex at every landmark.
+//! Makes triangles finer where a mesh is coarse, and puts a vertex at every landmark.
 //!
 //! A head of a thousand triangles has no vertex where a landmark lies, and too few vertices for the
-//! bending of a plate. The solve adds both. The surface stays the same, and its own vertices stay
-//! and take their values from the result. So the same head moves the same way, however it was
-//! triangulated.
+//! bending of a plate. The solve adds both. The surface stays the same. Its own vertices stay too,
+//! and take their values from the result. So a head moves the same way however it was triangulated.
 
 use std::collections::HashMap;
 
@@ -14,23 +13,22 @@ use crate::mesh::{
     tree::{blend, closest_weights},
 };
 
-/// A landmark nearer to its vertex than this is at the vertex, centimetres.
+/// A landmark nearer to its vertex than this counts as lying on it, centimetres.
 const AT_VERTEX_CM: f64 = 0.01;
-/// A landmark with less weight than this on a corner lies on the side across from it.
+/// A landmark with less weight than this on a corner counts as lying on the opposite side.
 const ON_SIDE: f64 = 0.02;
-/// Up to this many landmarks may lie in one triangle. The search then still finds all pieces of the
-/// triangle.
+/// Where up to this many landmarks lie in one triangle, the search still finds all pieces of it.
 const MOST_CUTS: usize = 3;
-/// Rounds of splitting.
+/// The most rounds of splitting.
 const MOST_ROUNDS: usize = 8;
 
-/// A surface that grows finer; vertices of the mesh come first.
+/// A surface that is being refined. Vertices of the mesh come first.
 pub(super) struct Refined {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// Vertices from this number on were added.
     first_added: u32,
-    /// Triangles that a landmark's vertex may concern, ascending.
+    /// Triangles that a landmark's vertex may split, ascending.
     near: Vec<usize>,
 }
 
@@ -54,7 +52,7 @@ impl Refined {
                 away.push((anchor, way, n));
             }
         }
-        // This order does not depend on left and right, so that a mirrored face is cut alike.
+        // This order ignores left and right, so that a mirrored face is cut the same way.
         away.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         self.near = self.two_rings(away.iter().map(|place| place.0));
         for (anchor, _, n) in away {
@@ -64,7 +62,7 @@ impl Refined {
         }
     }
 
-    /// Triangles that touch a triangle which touches one of the vertices.
+    /// Triangles that touch one of the vertices, and the triangles that touch those.
     fn two_rings(&self, vertices: impl Iterator<Item = u32>) -> Vec<usize> {
         let mut inner = vec![false; self.positions.len()];
         vertices.for_each(|v| inner[v as usize] = true);
@@ -77,8 +75,8 @@ impl Refined {
         touching.map(|(f, _)| f).collect()
     }
 
-    /// The closest of the triangles around `vertex`, and around vertices that were added there:
-    /// another landmark may have cut the triangle already.
+    /// The closest triangle around `vertex` or around vertices that were added there, because
+    /// another landmark may already have cut the triangle.
     fn place(&self, point: DVec3, vertex: u32) -> Option<(usize, [f64; 3])> {
         let mut near = vec![vertex];
         for _ in 0..MOST_CUTS {
@@ -106,7 +104,7 @@ impl Refined {
         nearest.map(|(_, f, weights)| (f, weights))
     }
 
-    /// A vertex inside a triangle, on its side, or the corner it falls on.
+    /// Adds a vertex inside a triangle or on its side, or returns the corner where it would lie.
     fn split_at(&mut self, face: usize, weights: [f64; 3]) -> u32 {
         let t = self.triangles[face];
         let light: Vec<usize> = (0..3).filter(|&i| weights[i] < ON_SIDE).collect();
@@ -130,7 +128,7 @@ impl Refined {
         }
     }
 
-    /// Cuts the triangles beside one side in two.
+    /// Cuts each triangle beside a side in two, at `middle`.
     fn split_side(&mut self, a: u32, b: u32, middle: u32) {
         for f in self.near.clone() {
             let t = self.triangles[f];
@@ -142,7 +140,7 @@ impl Refined {
         }
     }
 
-    /// A triangle beside a landmark.
+    /// Adds a triangle beside a landmark.
     fn push(&mut self, triangle: [u32; 3]) {
         self.near.push(self.triangles.len());
         self.triangles.push(triangle);
@@ -153,8 +151,8 @@ impl Refined {
         self.positions.len() as u32 - 1
     }
 
-    /// Splits sides longer than `longest` at their middle, until there is none or `most` vertices
-    /// are in use. `least`: sides shorter than this are never split.
+    /// Splits sides longer than `longest` at their middle until none is left or `most` vertices are
+    /// in use. `least`: sides shorter than this are never split.
     pub(super) fn split_long(&mut self, least: f64, longest: impl Fn(DVec3) -> f64, most: usize) {
         let mut used = Rings::of(self.positions.len(), &self.triangles).used();
         for _ in 0..MOST_ROUNDS {
@@ -217,7 +215,7 @@ fn meets(t: &[u32; 3], vertices: &[u32]) -> bool {
     t.iter().any(|v| vertices.contains(v))
 }
 
-/// A triangle cut at the middles of its sides (first to second corner, second to third, third to
+/// Cuts a triangle at the middles of its sides (first to second corner, second to third, third to
 /// first).
 fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[DVec3], out: &mut Vec<[u32; 3]>) {
     let length = |a: u32, b: u32| positions[a as usize].distance(positions[b as usize]);
@@ -233,7 +231,7 @@ fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[DVec3], out: &mut 
             [None, None, None] => return out.push(t),
             [Some(m), None, None] => return out.extend([[a, m, c], [m, b, c]]),
             [Some(m), Some(n), None] => {
-                // Across the four corners that are left, the shorter way.
+                // Cut the remaining four corners along the shorter diagonal.
                 let rest = match length(a, n) < length(m, c) {
                     true => [[a, m, n], [a, n, c]],
                     false => [[a, m, c], [m, n, c]],

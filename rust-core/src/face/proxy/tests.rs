@@ -68,7 +68,7 @@ fn lips_that_touch_do_not_mix() {
     triangles.extend(second);
     let (landmarks, mut anchors) = marks(&positions[..count as usize]);
     let proxy = Proxy::build(&positions, &triangles, &landmarks, &mut anchors, 3000);
-    // Added vertices are landmarks of the first sheet.
+    // Added vertices belong to landmarks on the first sheet.
     for v in 0..2 * count {
         for (column, _) in proxy.prolongation.row(v) {
             let first = column < count || column >= 2 * count;
@@ -85,7 +85,7 @@ fn a_coarse_skin_gets_its_landmarks_and_keeps_its_vertices() {
     for (landmark, &anchor) in landmarks.iter().zip(&anchors) {
         let there = proxy.mesh.positions[anchor as usize];
         let missed = Vec3::from(*landmark).distance(there.into());
-        // The sheet's facets cut the corner of its bend.
+        // The flat facets cut across the sheet's bend.
         assert!(missed < 0.15, "{landmark:?} has {there:?}");
     }
     for v in 0..positions.len() as u32 {

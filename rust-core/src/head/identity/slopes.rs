@@ -1,6 +1,6 @@
-//! How the canonical field changes with the point and with the code of the head, by the chain rule.
+//! Slopes of the canonical field with respect to the point and the head's code, by the chain rule.
 //!
-//! [`IdentitySlopes::at`] says how.
+//! [`IdentitySlopes::at`] explains the method.
 
 use super::{Identity, IdentityField, is_mirrored, network_of};
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
     nn::elementwise::softmax,
 };
 
-/// The field's matrices as slopes need them.
+/// The field's matrices, packed for the backward pass.
 pub(in crate::head) struct IdentitySlopes {
     locals: Vec<NetworkSlopes>,
     template: TemplateSlopes,
@@ -21,13 +21,13 @@ pub(in crate::head) struct IdentitySlopes {
 pub(in crate::head) struct FieldSlopes {
     /// `[Q]`.
     pub distance: Vec<f32>,
-    /// With the point, `[Q]`.
+    /// Slope of the distance with respect to each point, `[Q]`.
     pub place: Vec<[f32; 3]>,
-    /// With the code, `[Q, Z]`.
+    /// Slope of the distance with respect to the code, `[Q, Z]`.
     pub code: Vec<f32>,
 }
 
-/// A network's part in some points.
+/// One network's contribution to the points where its weight is above 0.
 struct Part {
     number: usize,
     side: f32,
@@ -43,32 +43,37 @@ impl IdentitySlopes {
         }
     }
 
-    /// The distance at points `[Q]` of one head, and how it grows with each point and with the code, on the calling
-    /// thread.
+    /// The distance at points `[Q]` of one head, and its slopes with respect to each point and to
+    /// the code. Runs on the calling thread.
     ///
-    /// The field is `T(x + Σ_n w_n(x, a) D_n(x, a_n, z))`: the distance from the mean head, at the point moved by a
-    /// blend of small networks at anchors `a` (see [`super`]). This is its chain rule backwards, one pass for all
-    /// numbers of the code at once.
+    /// The field is `T(x + Σ_n w_n(x, a) D_n(x, a_n, z))`. A blend of small networks at anchors `a`
+    /// moves the point, and `T` gives the distance of the moved point from the mean head (see
+    /// [`super`]). This function applies the chain rule backwards, in one pass for all numbers of
+    /// the code.
     ///
-    /// 1. Forward: the blend weights, then each network on those points alone where its weight is not 0, with a trace
-    ///    of its layers.
-    /// 2. The mean head `T` gives the distance, and the slope of the distance with the moved point. This slope is the
-    ///    `pull` on everything before it.
-    /// 3. The point itself gets the pull whole. Each network gets its weight times the pull and passes it to its code
-    ///    and to its input ([`IdentitySlopes::through`]). The input is the point relative to the anchor, so the
-    ///    anchor gets the same slope with the other sign.
-    /// 4. The slope with a blend weight is the network's offset along the pull. It goes back through the division by
-    ///    the sum, the threshold and the softmax to points and anchors ([`Blend::through`]).
-    /// 5. Anchors are landmarks, and these are linear in the global part of the code. So their slopes end there.
+    /// 1. Forward: compute the blend weights. Then run each network at only the points where its
+    ///    weight is not 0, and keep a trace of its layers.
+    /// 2. The mean head `T` gives the distance and its slope with respect to the moved point. This
+    ///    slope is the `pull` on everything before it.
+    /// 3. The point itself gets the whole pull. Each network gets its weight times the pull and
+    ///    passes it to its code and its input ([`IdentitySlopes::through`]). The input is the point
+    ///    relative to the anchor, so the anchor gets the same slope with the opposite sign.
+    /// 4. The slope with respect to a blend weight is the network's offset along the pull. It goes
+    ///    back through the division by the sum, the threshold and the softmax to points and anchors
+    ///    ([`Blend::through`]).
+    /// 5. Anchors are landmarks, and landmarks are linear in the global part of the code. So the
+    ///    anchors' slopes become slopes with respect to that part.
     ///
-    /// The cost is a small multiple of evaluating the field at the points, whatever the length Z of the code.
-    /// Differences would cost Z evaluations. Memory is Q times the widths of all layers, so the fit hands over a
-    /// hundred points at a time.
+    /// The cost is a small multiple of evaluating the field at the points, whatever the length Z of
+    /// the code. Finite differences would cost Z evaluations. Memory is Q times the widths of all
+    /// layers, so the fit passes a hundred points at a time.
     ///
-    /// Not obvious: the left one of a pair of anchors asks the right one's network with x mirrored. Its offset and its
-    /// slope along x change their sign, and so do those numbers of the global code that `mirror` names. The threshold
-    /// makes a network's weight exactly 0 away from its anchor. The distance has a kink where that begins, and the
-    /// slope is the one on the side of the point. The background network has no anchor and a frame of its own scale.
+    /// Not obvious: the left anchor of a pair uses the right anchor's network with x mirrored. The
+    /// x components of its offset and of its slope change sign, and so do the numbers of the global
+    /// code that `mirror` marks. The threshold makes a network's weight exactly 0 away from its
+    /// anchor. The distance has a kink where the weight becomes 0, and the slope is the one on the
+    /// point's side of it. The background network has no anchor, and its frame has a scale of its
+    /// own.
     pub fn at(&self, field: &IdentityField<'_>, points: &[[f32; 3]]) -> FieldSlopes {
         let (config, identity, columns) = (field.config, field.identity, field.locals.len());
         let blend = Blend::of(field, points);
@@ -100,8 +105,8 @@ impl IdentitySlopes {
         out
     }
 
-    /// Adds one network's part to the slopes. Notes in `of_weights` how the distance grows with the
-    /// network's blend weight.
+    /// Adds one network's part to the slopes. Writes the slope with respect to the network's blend
+    /// weight to `of_weights`.
     #[expect(clippy::too_many_arguments)]
     fn through(
         &self,
@@ -159,7 +164,8 @@ impl IdentitySlopes {
     }
 }
 
-/// Where points `[Q]` lie on the mean head, under blend `weights` `[Q, A + 1]`, and the networks' parts in it.
+/// Moves points `[Q]` onto the mean head with blend `weights` `[Q, A + 1]`. Returns their places
+/// there and each network's part.
 fn on_mean(
     field: &IdentityField<'_>,
     points: &[[f32; 3]],
@@ -197,8 +203,10 @@ fn on_mean(
     (places, parts)
 }
 
-/// Adds slopes with the anchors, `[Q, A]`, to those with the code, `[Q, Z]`: anchors are landmarks, which are linear in
-/// the code's own part.
+/// Adds the effect of slopes with respect to the anchors, `[Q, A]`, to those with respect to the
+/// code, `[Q, Z]`.
+///
+/// Anchors are landmarks, which are linear in the global part of the code.
 fn through_anchors(field: &IdentityField<'_>, of_anchors: &[[f32; 3]], of_code: &mut [f32]) {
     let config = field.config;
     let landmark_weight = field.identity.landmarks.weight();
@@ -217,7 +225,8 @@ fn through_anchors(field: &IdentityField<'_>, of_anchors: &[[f32; 3]], of_code: 
     }
 }
 
-/// Weights of anchors and background, with what their slopes need; `[Q, A + 1]`.
+/// Blend weights of the anchors and the background, and the values that their slopes need;
+/// `[Q, A + 1]`.
 struct Blend {
     shares: Vec<f32>,
     weights: Vec<f32>,
@@ -246,7 +255,8 @@ impl Blend {
         }
     }
 
-    /// Turns slopes with the weights into slopes with the anchors and the points.
+    /// Adds the effect of slopes with respect to the weights to those of the anchors and the
+    /// points.
     fn through(
         &self,
         field: &IdentityField<'_>,

@@ -1,5 +1,5 @@
-//! Slopes of a network's outputs with its inputs and its code, by the chain rule, for many points
-//! at once.
+//! Slopes of a network's outputs with respect to its inputs and its code, by the chain rule, for
+//! many points at once.
 
 use std::f32::consts::PI;
 
@@ -10,7 +10,7 @@ use crate::nn::{
     panels::{Finish, Panels, Start},
 };
 
-/// A network's matrices as slopes need them.
+/// A network's matrices, packed for the backward pass.
 pub(in crate::head) struct NetworkSlopes {
     point: [Panels; 2],
     hidden: Vec<Panels>,
@@ -21,13 +21,13 @@ pub(in crate::head) struct NetworkSlopes {
 
 /// The values of a forward pass that its slopes need.
 pub(in crate::head) struct Trace {
-    /// Of each layer before its activation, `[Q, width]`.
+    /// The values of each layer before its activation, `[Q, width]`.
     before: Vec<Vec<f32>>,
     /// `[Q, outputs]`.
     pub out: Vec<f32>,
 }
 
-/// How fast a number grows with inputs `[Q, inputs]` and with the code `[Q, C]`.
+/// Slopes of one number with respect to inputs `[Q, inputs]` and the code `[Q, C]`.
 pub(in crate::head) struct Slopes {
     pub inputs: Vec<f32>,
     pub code: Vec<f32>,
@@ -51,7 +51,8 @@ impl NetworkSlopes {
         }
     }
 
-    /// Slopes of the numbers that grow by `pull` `[Q, outputs]` with each output.
+    /// Slopes of one number for each point, whose slopes with respect to the outputs are `pull`,
+    /// `[Q, outputs]`.
     pub fn slopes(&self, of: &Prepared<'_>, trace: &Trace, pull: &[f32]) -> Slopes {
         let (width, outputs) = (of.rows[0].len(), of.out.bias.len());
         let points = pull.len() / outputs;
@@ -62,7 +63,7 @@ impl NetworkSlopes {
         let last = self.hidden.len();
         let mut active = trace.before[last].clone();
         silu_all(&mut active);
-        // The code's part of the last matrix and of its bias.
+        // Slopes with respect to the code's part of the last matrix and of its bias.
         let mut of_last = Vec::with_capacity(points * outputs * (width + 1));
         for (pull, active) in pull.chunks_exact(outputs).zip(active.chunks_exact(width)) {
             for by in pull {
@@ -99,7 +100,7 @@ fn add(rhs: &Panels, lhs: &[f32], to: &mut [f32]) {
 }
 
 impl Prepared<'_> {
-    /// [`Prepared::forward`], and what its slopes need.
+    /// Does the work of [`Prepared::forward`] and keeps the values that its slopes need.
     pub fn trace(&self, x: &[f32], points: usize) -> Trace {
         let Network { point, hidden, .. } = self.network;
         let width = self.rows[0].len();
@@ -128,7 +129,7 @@ impl Prepared<'_> {
     }
 }
 
-/// The mean head's matrices as slopes need them.
+/// The mean head's matrices, packed for the backward pass.
 pub(in crate::head) struct TemplateSlopes(Vec<Panels>);
 
 impl TemplateSlopes {
@@ -137,7 +138,8 @@ impl TemplateSlopes {
         TemplateSlopes(layers.map(|l| l.panels.transposed()).collect())
     }
 
-    /// Distance `[Q]` at encoded places, and its slopes with the encoded values, `[Q, encoded]`.
+    /// Distance `[Q]` at encoded places, and its slopes with respect to the encoded values,
+    /// `[Q, encoded]`.
     pub fn at(&self, template: &Template, x: &[f32], points: usize) -> (Vec<f32>, Vec<f32>) {
         let last = template.layers.len() - 1;
         let mut before: Vec<Vec<f32>> = Vec::with_capacity(last);
@@ -165,8 +167,8 @@ impl TemplateSlopes {
     }
 }
 
-/// Slopes with points, from slopes with what [`super::encode`] makes of them, `[Q, 3 + 6 ·
-/// octaves]`.
+/// Turns slopes with respect to encoded points (see [`super::encode`]), `[Q, 3 + 6 · octaves]`,
+/// into slopes with respect to the points.
 pub(in crate::head) fn through_encoding(
     inputs: &[f32],
     slopes: &[f32],

@@ -1,4 +1,4 @@
-//! Landmarks in space from what several views show.
+//! Combines the landmarks of several views into points in space.
 
 use rayon::prelude::*;
 
@@ -12,31 +12,37 @@ use crate::mesh::{Similarity, canonical::stability, canonical_landmarks, ibug::L
 /// Angles of the views about the head's own vertical axis, as in training.
 const VIEWS_DEGREES: [f32; 3] = [-40.0, 0.0, 40.0];
 
-/// Half-sizes of the views' windows, metres: for a glance, and for the last look, through two, since a heat
-/// map's pixel is 3 mm wide and a character's mouth may be small.
+/// Half-size of a view's window for a quick look, metres.
 pub(super) const GLANCE: [f32; 1] = [HALF_SIZE_M];
+/// Half-sizes of the windows for the last look, metres. It uses two, because a heat map's pixel is
+/// 3 mm wide and a character's mouth may be small.
 pub(super) const LAST_LOOK: [f32; 2] = [0.93 * HALF_SIZE_M, 1.07 * HALF_SIZE_M];
 
-/// Distance at which a landmark that does not fit counts half, metres.
+/// A landmark this far from its place in the mean face counts half, metres. Where its rays miss
+/// each other by this much, its confidence falls to 1/e.
 const ROBUST_M: f32 = 0.006;
 
-/// A face's landmarks lie within this of the mean ones, root mean square, metres.
+/// A fit is refused if its landmarks are further than this from the mean ones, weighted root
+/// mean square, metres.
 const WORST_LIFTED_RMS_M: f64 = 0.03;
 
 /// Where the rays of the views meet.
 #[derive(Clone)]
 pub(super) struct Agreed {
-    /// `[68]`, in the frame that the views were taken in (canonical metres as far as known).
+    /// `[68]`, in the frame of the views (canonical metres, as far as the pose is known).
     pub positions: [[f32; 3]; LANDMARKS],
-    /// `[68]`, 0 to 1: what the views' heat maps say, less where their rays miss each other.
+    /// `[68]`, 0 to 1: the mean confidence of the views, reduced where their rays miss each other.
     pub confidence: [f32; LANDMARKS],
-    /// Probability of a face, 0 to 1: the mean of the views.
+    /// Probability of a face, 0 to 1, averaged over the views.
     pub presence: f32,
 }
 
-/// A better way to the canonical frame from one close front view: inner landmarks put on the visible
-/// surface, fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind). `None` where the
-/// view sees a face with a probability below `least_presence`.
+/// Improves the similarity to the canonical frame with one close front view.
+///
+/// Puts all landmarks except the jaw on the visible surface and fits them to the mean ones. The
+/// weights are robust, because eyes without eyeballs give depths far behind the face. `None` where
+/// the view's probability of a face is below `least_presence`, where fewer than 30 landmarks lie on
+/// the surface, or where they do not fit.
 pub(super) fn lift(
     network: &LandmarkNetwork,
     frame: &Frame,
@@ -63,7 +69,7 @@ pub(super) fn lift(
     Some(robust_fit(&lifted, &weights)?.compose(to_canonical))
 }
 
-/// Three views in the head's own frame through each window, and where their rays meet.
+/// Takes three views in the head's own frame through each window and finds where their rays meet.
 pub(super) fn agree(
     network: &LandmarkNetwork,
     frame: &Frame,
@@ -92,7 +98,8 @@ pub(super) fn agree(
 }
 
 impl Agreed {
-    /// Lowers the confidence of all landmarks where the views see no face: on a cup they take any edge for a lip.
+    /// Multiplies the confidence of all landmarks by the probability of a face. On a cup, the views
+    /// take any edge for a lip.
     pub fn trust_by_presence(&mut self) {
         let presence = self.presence;
         self.confidence
@@ -100,7 +107,7 @@ impl Agreed {
             .for_each(|sure| *sure *= presence);
     }
 
-    /// Sets the landmarks that the caller fixed, in the frame of the views.
+    /// Sets the landmarks that the caller fixed. `fixed` is in the frame of the views.
     pub fn pin(&mut self, fixed: &[(usize, [f32; 3])]) {
         for (i, position) in fixed {
             self.positions[*i] = *position;
@@ -108,8 +115,8 @@ impl Agreed {
         }
     }
 
-    /// Fits the way from the mesh to the canonical frame again, from the landmarks. `to_frame`: from the mesh to the
-    /// frame of the views, in which the landmarks are.
+    /// Fits the similarity to the canonical frame again, from the landmarks. `to_frame`: the
+    /// similarity to the frame of the views, in which the landmarks are.
     pub fn fit(&self, to_frame: &Similarity) -> Option<Similarity> {
         let points: Vec<(usize, [f32; 3])> = self.positions.iter().copied().enumerate().collect();
         let weights: Vec<f64> = (0..LANDMARKS)
@@ -124,7 +131,8 @@ fn turn_about_y([x, y, z]: [f32; 3], angle: f32) -> [f32; 3] {
     [c * x + s * z, y, c * z - s * x]
 }
 
-/// Least squares over the views: view x = cos·x + sin·z, view y = y, weighted by confidence².
+/// Finds each landmark by least squares over the views, weighted by confidence²:
+/// view x = cos·x + sin·z, view y = y.
 fn meet(looks: &[(f32, Look)]) -> Agreed {
     let mut positions = [[0.0; 3]; LANDMARKS];
     let mut confidence = [0.0; LANDMARKS];
@@ -153,7 +161,8 @@ fn meet(looks: &[(f32, Look)]) -> Agreed {
     }
 }
 
-/// `rays`: cos, sin, view x, view y, weight. Returns the point and the weighted rms miss.
+/// The point nearest to all rays, and the weighted root mean square of its distances from them.
+/// `rays`: cos, sin, view x, view y, weight.
 fn meeting_point(rays: &[[f32; 5]]) -> ([f32; 3], f32) {
     let sum = |f: &dyn Fn(&[f32; 5]) -> f32| rays.iter().map(|r| r[4] * f(r)).sum::<f32>();
     let total = sum(&|_| 1.0);
@@ -171,7 +180,8 @@ fn meeting_point(rays: &[[f32; 5]]) -> ([f32; 3], f32) {
     ([x, y, z], miss.sqrt())
 }
 
-/// Fits numbered points to the mean landmarks; those that do not fit lose weight in three rounds.
+/// Fits numbered points to the mean landmarks. In three rounds, points that do not fit lose weight.
+/// `None` where the fit stays poor.
 fn robust_fit(points: &[(usize, [f32; 3])], weights: &[f64]) -> Option<Similarity> {
     let mean = canonical_landmarks();
     let from: Vec<[f32; 3]> = points.iter().map(|(_, p)| *p).collect();

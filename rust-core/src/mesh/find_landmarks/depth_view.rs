@@ -1,32 +1,32 @@
-//! Depth pictures of a mesh, the input of the landmark network. Twin of
+//! Depth pictures of a mesh, the input of the networks. Twin of
 //! `training/landmarks/render.py`; a golden test compares the two.
 //!
-//! An orthographic z-buffer of 256² pixels gives the nearest surface; four features are averaged
-//! down to 128². Everything comes from depth, so triangulation, winding and smoothing groups of
-//! the mesh do not matter. Columns grow with view x (the subject's left), rows with −y, z grows
-//! towards the viewer.
+//! An orthographic z-buffer of 256² pixels holds the nearest surface. Four features of each pixel
+//! are averaged down to 128². They all come from depth, so the mesh's triangulation, winding and
+//! smoothing groups do not matter. Columns grow with view x (the subject's left), rows grow with
+//! −y, z grows towards the viewer.
 
 use std::ops::Range;
 
 use crate::nn::conv2d::Picture;
 
-/// Pixels of the depth buffer on a side.
+/// Side of the depth buffer, pixels.
 pub(super) const BUFFER: usize = 256;
 const BACKGROUND_DEPTH: f32 = -1.0;
 const NOTHING: f32 = f32::NEG_INFINITY;
-/// A pixel is drawn even where its middle lies this far outside a triangle, pixels.
+/// A pixel is still tested where its centre lies this far outside a triangle's bounds, pixels.
 const EDGE: f32 = 0.01;
-/// In triangles over more columns than this, each row is limited to the columns that the triangle
-/// may cover. Otherwise long thin ones would cost as much as their boxes.
+/// In a triangle wider than this many columns, only the columns that it may cover in a row are
+/// tested. Otherwise a long thin triangle would cost as much as its bounding box.
 const WIDE: usize = 8;
-/// The share of a triangle's length by which its edges are uncertain in single precision.
+/// The uncertainty of a triangle's edges in single precision, as a share of the triangle's extent.
 const SLACK: f32 = 1e-4;
 
-/// Most places that one picture examines: five hundred surfaces behind each other. Triangles beyond
-/// that are not drawn.
+/// The most pixels that one picture tests, enough for five hundred surfaces behind each other. The
+/// remaining triangles are not drawn.
 pub(super) const MOST_PLACES: u64 = 1 << 25;
 
-/// The square of the view's plane that a picture shows: `centre ± half_size`.
+/// The square part of the view plane that a picture shows: `centre ± half_size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Window {
     pub centre: [f32; 2],
@@ -34,7 +34,7 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// A place in the window, (column, row) from 0 to 1, to view x and y.
+    /// Converts a place in the window, (column, row) from 0 to 1, to view x and y.
     pub fn to_view(self, place: [f32; 2]) -> [f32; 2] {
         [
             self.centre[0] + (2.0 * place[0] - 1.0) * self.half_size,
@@ -43,16 +43,16 @@ impl Window {
     }
 }
 
-/// Largest z per pixel, row-major; −∞ where nothing is.
+/// The largest z of each pixel, row-major; −∞ where nothing is drawn.
 pub(super) struct DepthBuffer {
     z: Vec<f32>,
     half_size: f32,
-    /// Number of examined places: a pixel counts once for each triangle that may cover it.
+    /// Number of tested pixels. A pixel counts once for each triangle that may cover it.
     pub places: u64,
 }
 
 impl DepthBuffer {
-    /// Draws `triangles` over `points` (view space).
+    /// Draws `triangles` with corners in `points` (view space).
     pub fn draw(points: &[[f32; 3]], triangles: &[[u32; 3]], window: Window) -> Self {
         let mut buffer = DepthBuffer {
             z: vec![NOTHING; BUFFER * BUFFER],
@@ -81,7 +81,7 @@ impl DepthBuffer {
         buffer
     }
 
-    /// `corners`: column, row and z.
+    /// `a`, `b`, `c`: column, row and z.
     fn draw_triangle(&mut self, [a, b, c]: [[f32; 3]; 3]) {
         let size = BUFFER as f32;
         let low = |i: usize| a[i].min(b[i]).min(c[i]);
@@ -93,7 +93,7 @@ impl DepthBuffer {
         if area.abs() < 1e-12 {
             return;
         }
-        // Pixels whose middle may lie inside; a small triangle of a dense mesh has none.
+        // Pixels whose centre may lie inside. A small triangle of a dense mesh mostly has none.
         let first = |i: usize| up(low(i) - 0.5 - EDGE);
         let last = |i: usize| ((high(i) + 0.5 + EDGE) as usize).min(BUFFER);
         let (rows, columns) = (first(1)..last(1), first(0)..last(0));
@@ -126,7 +126,7 @@ impl DepthBuffer {
         }
     }
 
-    /// The same surface softened: every drawn pixel becomes the mean of the drawn pixels around it,
+    /// Softens the surface. Every drawn pixel becomes the mean of the drawn pixels around it,
     /// weighted by a Gaussian of `deviation` pixels.
     pub fn softened(&self, deviation: f32) -> Self {
         let drawn: Vec<f32> = self.z.iter().map(|z| f32::from(*z > NOTHING)).collect();
@@ -152,7 +152,7 @@ impl DepthBuffer {
         }
     }
 
-    /// View z at a place in the window, (column, row) from 0 to 1; `None` where nothing is.
+    /// View z at a place in the window, (column, row) from 0 to 1; `None` where nothing is drawn.
     pub fn depth_at(&self, place: [f32; 2]) -> Option<f32> {
         let at = place.map(|x| (x * BUFFER as f32) as isize);
         let inside = at.iter().all(|x| (0..BUFFER as isize).contains(x));
@@ -160,9 +160,10 @@ impl DepthBuffer {
         (z > NOTHING).then_some(z)
     }
 
-    /// The network's input, `[128, 128, 4]`: depth from the mean in half-sizes cut at ±1.5, normal
-    /// x, normal y, coverage; the mean of 2×2 pixels each. Empty pixels count as depth −1, the
-    /// rest zero.
+    /// The network's input, `[128, 128, 4]`: depth, normal x, normal y and coverage.
+    ///
+    /// Depth is relative to the mean depth, in half-sizes of the window, and clamped to ±1.5. Every
+    /// value is the mean of 2×2 pixels. An empty pixel has depth −1 and zero for the others.
     pub fn features(&self) -> Picture {
         let mean = self.mean_depth() as f32;
         let mut out = Picture::zeros(BUFFER / 2, BUFFER / 2, 4);
@@ -207,7 +208,8 @@ impl DepthBuffer {
     }
 }
 
-/// A square picture under a Gaussian that is cut at three deviations (pixels); outside it, zero.
+/// Blurs a square picture with a Gaussian that is cut off at three deviations. `deviation` is in
+/// pixels. Pixels outside the picture count as zero. The weights do not sum to one.
 fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
     let reach = (3.0 * deviation).ceil() as isize;
     let weights: Vec<f32> = (-reach..=reach)
@@ -229,7 +231,8 @@ fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
     along(&along(picture, 1), BUFFER)
 }
 
-/// Smallest and largest column of a triangle between two rows; none where it does not reach them.
+/// Smallest and largest column of a triangle between two rows; an empty range (∞ to −∞) where the
+/// triangle does not reach them.
 fn across(corners: [[f32; 3]; 3], [top, bottom]: [f32; 2]) -> [f32; 2] {
     let mut extent = [f32::INFINITY, f32::NEG_INFINITY];
     let mut note = |x: f32| extent = [extent[0].min(x), extent[1].max(x)];
@@ -247,19 +250,20 @@ fn across(corners: [[f32; 3]; 3], [top, bottom]: [f32; 2]) -> [f32; 2] {
     extent
 }
 
-/// The columns whose middles may lie between two places.
+/// The part of `columns` whose pixel centres may lie between `low` and `high`.
 fn within(columns: &Range<usize>, [low, high]: [f32; 2], margin: f32) -> Range<usize> {
     let first = up(low - margin).max(columns.start);
     let last = ((high + 1.0 + margin) as usize).min(columns.end);
     first..last
 }
 
-/// Marks a place about which nothing is known.
+/// Marks a point outside the picture, or close to a row or column of pixel centres.
 const ANYWHERE: u32 = u32::MAX;
 
-/// Between which middles of pixels a point lies, column and row in 16 bits each. Triangles of a
-/// dense mesh mostly lie between middles. For them this is enough, and it takes a third of the
-/// memory.
+/// The gap between pixel centres that a point lies in, column and row in 16 bits each.
+///
+/// Most triangles of a dense mesh lie between pixel centres. These gaps are enough to recognise
+/// them, and take a third of the memory of the points.
 fn between_middles([column, row, _]: [f32; 3]) -> u32 {
     let of = |x: f32| {
         let place = (x + 0.5).clamp(0.0, BUFFER as f32 + 1.0);
@@ -273,20 +277,21 @@ fn between_middles([column, row, _]: [f32; 3]) -> u32 {
     }
 }
 
-/// Whether a triangle surely covers the middle of no pixel.
+/// Whether a triangle certainly covers no pixel centre.
 fn misses_middles([a, b, c]: [u32; 3]) -> bool {
     let differs = (a ^ b) | (a ^ c);
     let apart = differs & 0xffff_0000 != 0 && differs & 0xffff != 0;
     !apart && a != ANYWHERE && b != ANYWHERE && c != ANYWHERE
 }
 
-/// The next whole number, at least 0. `f32::ceil` is a function call on older processors.
+/// Rounds up to a whole number, at least 0. `f32::ceil` is a function call on older processors.
 fn up(x: f32) -> usize {
     let whole = x as usize;
     whole + usize::from((whole as f32) < x)
 }
 
-/// Central difference where both neighbours exist, one-sided where one does, else zero; per pixel.
+/// The slope per pixel: the central difference where both neighbours exist, the one-sided
+/// difference where one exists, else zero.
 fn slope(before: f32, here: f32, after: f32) -> f32 {
     match (before.is_finite(), after.is_finite()) {
         (true, true) => 0.5 * (after - before),

@@ -1,21 +1,22 @@
 //! Finds the 68 landmarks of a face on a mesh, however it is turned, in any units and any place.
 //!
-//! 1. *Search*: depth pictures of the mesh, from the stated front first, then from 14 sides; a
-//!    small network says where a face is and how it is turned, then looks again from where its front
-//!    should be. If the mesh mirrors itself, also for faces across that plane. The landmark network
-//!    ranks the candidates: it distinguishes faces from backs of heads.
-//! 2. *Lift*: landmarks of a close front view are put on the visible surface, which gives the
+//! 1. *Search*: depth pictures of the mesh are drawn from the stated front first, then from 14
+//!    sides. A small network finds faces in them and says how they are turned, then looks again
+//!    from the estimated front. If the mesh mirrors itself in a plane, the search also tries faces
+//!    with this plane in their middle. The landmark network ranks the candidates, because it
+//!    distinguishes faces from backs of heads.
+//! 2. *Lift*: the landmarks of a close front view are put on the visible surface. This gives the
 //!    head's pose and size.
-//! 3. *Consensus*: in the head's own frame, three views at −40°, 0° and 40° see the landmarks, also
-//!    those that face away; rays of the three meet in space (after Paulsen et al. 2018, "Multi-view
-//!    Consensus CNN for 3D Facial Landmark Placement", with three fixed views and depth in place of
-//!    many views and colour). Three times, each in a better frame. Where no face is certain (blocks,
-//!    noise or folds on the surface), 2 and 3 run again with softened pictures. An uncertain face must
-//!    stand across the plane in which the mesh about it mirrors itself. Otherwise the search tries
-//!    faces across that plane (upright).
+//! 3. *Consensus*: three views at −40°, 0° and 40° in the head's own frame see the landmarks, even
+//!    those that face away. The rays of the three views meet in space (after Paulsen et al. 2018,
+//!    "Multi-view Consensus CNN for 3D Facial Landmark Placement", with three fixed views and depth
+//!    in place of many views and colour). This runs three times, each in a better frame. Where no
+//!    face is certain (blocks, noise or folds on the surface), steps 2 and 3 run again with
+//!    softened pictures. The plane in which the mesh around an uncertain face mirrors itself must
+//!    lie between its eyes. Otherwise the search turns the face so that it does (`upright`).
 //! 4. *Shape*: a Gaussian over landmark shapes corrects impossible ones. Fixed landmarks are exact,
 //!    and the others follow them.
-//! 5. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
+//! 5. *Snap*: each landmark moves to the nearest skin, inner-lip landmarks to their own lip.
 
 mod consensus;
 mod depth_view;
@@ -52,52 +53,53 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the landmark finder.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::LANDMARKS);
 
-/// Mean confidence of the mouth's landmarks below which there is no mouth.
+/// Least mean confidence of the mouth's landmarks. Below it, there is no mouth.
 const LEAST_MOUTH: f32 = 0.4;
 
-/// Least probability of a face, the mean of the last views, to accept the face about a mouth.
-/// Chosen on sixteen characters (0.93 and more, one 0.72) and 32 things, of which cups with a
-/// handle reached 0.87.
+/// Least probability of a face, averaged over the last views. Below it, there is no face around the
+/// mouth. Chosen with sixteen characters (0.93 and more, one 0.72) and 32 things, among which cups
+/// with a handle reached 0.87.
 const LEAST_PRESENCE: f32 = 0.92;
 
 /// Least mean confidence of all landmarks. Below it, something that looks like a mouth has no face
 /// around it: boxes and the handle of a cup reached 0.31, a monkey's head 0.54.
 const LEAST_CONFIDENCE: f32 = 0.35;
 
-/// Least confidence of the eyes or the brows, whichever is larger. Below it a possible mouth has no
-/// face around it: the muzzle of a koala on all fours reached 0.12, heads with eyes under cubes
-/// reached 0.25 by their brows.
+/// Least confidence of the eyes or the brows, whichever is larger. Below it, a possible mouth has
+/// no face around it. The muzzle of a koala on all fours reached 0.12. The brows of heads whose
+/// eyes lie under cubes reached 0.25.
 const LEAST_EYES_OR_BROWS: f32 = 0.2;
 
 /// Least likeness of a face, seen from its front.
 const LEAST_LIKENESS: f32 = 0.3;
 
-/// A face with this mean confidence (`Settled::rank`) ends the search: no other candidate is tried,
-/// and no softened picture is drawn.
+/// A face above this rank (`Settled::rank`) ends the search: no other candidate is tried, and no
+/// softened picture is drawn.
 const SURE: (bool, f32) = (true, 0.7);
 
-/// Deviation of the softened pictures, pixels of the depth buffer (0.8 mm on a human face). Blocks,
-/// folds and noise of a few millimetres vanish in them. Lips and lids stay.
+/// Deviation of the Gaussian that softens pictures, pixels of the depth buffer (0.8 mm on a human
+/// face). Blocks, folds and noise of a few millimetres vanish. Lips and lids stay.
 const SOFTNESS: f32 = 2.5;
 
-/// A face in softened pictures needs more confidence than one in sharp pictures (`Settled::rank`).
+/// A face in softened pictures must exceed this rank (`Settled::rank`). It needs more confidence
+/// than a face in sharp pictures.
 const LEAST_SOFTLY: (bool, f32) = (true, 0.5);
 
-/// By how much mean confidence a face in softened pictures must exceed the one in sharp pictures to
-/// replace it. Small features are less exact in softened pictures.
+/// A face in softened pictures replaces the one in sharp pictures only if its mean confidence is
+/// higher by more than this, because small features are less exact in softened pictures.
 const CLEARER: f32 = 0.1;
 
-/// Where enough landmarks are fixed, a view with a lower probability of a face does not turn the
-/// pose.
+/// Where enough landmarks are fixed, a front view with a lower probability of a face does not
+/// change the pose.
 const LEAST_PRESENCE_BESIDE_FIXED: f32 = 0.5;
 
-/// Number of fixed landmarks that determine the face's place without the networks.
+/// This many fixed landmarks determine the face's pose without a search.
 const ENOUGH_FIXED: usize = 4;
 
-/// Confidence of landmarks from a caller who gave all of them and fixed some elsewhere.
+/// Confidence of known landmarks in `follow`, where the caller fixes some of them elsewhere.
 const CALLER_CONFIDENCE: f32 = 0.5;
 
 /// The `config.json` beside the weights.
@@ -130,13 +132,13 @@ pub struct LandmarkFinder {
 /// A candidate whose views agree.
 #[derive(Clone)]
 struct Settled {
-    /// From the frame to canonical metres, in which `agreed` is.
+    /// From the frame to canonical metres. `agreed` is in canonical metres.
     to_canonical: Similarity,
     agreed: Agreed,
 }
 
 impl Settled {
-    /// Mean of all landmarks' confidences.
+    /// Mean confidence of all landmarks.
     fn confidence(&self) -> f32 {
         self.agreed.confidence.iter().sum::<f32>() / LANDMARKS as f32
     }
@@ -152,7 +154,7 @@ impl Settled {
         })
     }
 
-    /// Sorts possible faces first, then by confidence.
+    /// The larger, the better: a possible face exceeds all others, then confidence decides.
     fn rank(&self) -> (bool, f32) {
         (self.doubt().is_none(), self.confidence())
     }
@@ -165,7 +167,8 @@ impl Settled {
         })
     }
 
-    /// Why this is no face, if it is none: nothing looks like a face, or it has no visible mouth.
+    /// Why this is no face: it has no mouth, nothing around the mouth looks like a face, or it has
+    /// neither eyes nor brows. `None` if it is a face.
     fn doubt(&self) -> Option<String> {
         let [(_, mouth), others @ ..] = self.regions();
         let (presence, all) = (self.agreed.presence, self.confidence());
@@ -222,14 +225,16 @@ impl LandmarkFinder {
         })
     }
 
-    /// The landmarks of the face of a mesh, turned any way. Where several places look alike, the
-    /// face along `forward` with its top towards `up` wins. Neck, shoulders, a body, hair, eyes and
-    /// teeth may be there. Every landmark in `fixed` stays where the caller puts it, and the others
-    /// follow. Four or more fixed landmarks determine where the face is.
+    /// Finds the landmarks of the face on a mesh, however it is turned. Where several places look
+    /// alike, the face along `forward` with its top towards `up` wins. The mesh may also have a
+    /// neck, shoulders, a body, hair, eyes and teeth. Every landmark in `fixed` stays where the
+    /// caller puts it, and the others follow. Four or more fixed landmarks determine where the face
+    /// is.
     ///
     /// # Errors
-    /// `FaceNotFound` with what the networks saw and what would help; `InvalidInput` if the axes
-    /// are on one line or a fixed landmark is impossible; `Mesh` for an unusable mesh; `Cancelled`.
+    /// `FaceNotFound`, which says what the networks saw and what would help; `InvalidInput` if the
+    /// axes are on one line or a fixed landmark is impossible; `Mesh` for an unusable mesh;
+    /// `Cancelled`.
     pub fn find(
         &self,
         mesh: &Mesh,
@@ -276,8 +281,8 @@ impl LandmarkFinder {
         Ok(landmarks)
     }
 
-    /// The clearest face, in sharp pictures or, where that is uncertain, in softened ones. The
-    /// error says what the networks saw and what would help.
+    /// Finds the clearest face in sharp pictures or, if that face is uncertain, in softened ones.
+    /// The error says what the networks saw and what would help.
     fn best(
         &self,
         frame: &Frame,
@@ -311,11 +316,11 @@ impl LandmarkFinder {
         }
     }
 
-    /// Returns the face if it stands across the plane in which the mesh mirrors itself, otherwise
-    /// one that does. A certain face passes unchecked.
+    /// Returns `face` if the plane in which the mesh around it mirrors itself lies between its
+    /// eyes. Otherwise turns the face so that it does. A certain face passes unchecked.
     ///
     /// # Errors
-    /// `FaceNotFound` if there is none; `Cancelled`.
+    /// `FaceNotFound` if the turned face is not convincing; `Cancelled`.
     fn upright(
         &self,
         frame: &Frame,
@@ -346,7 +351,7 @@ impl LandmarkFinder {
         })
     }
 
-    /// The most convincing candidate.
+    /// The most convincing candidate. Stops at the first certain one.
     fn surest<'a>(
         &self,
         frame: &Frame,
@@ -366,7 +371,7 @@ impl LandmarkFinder {
         Ok(best)
     }
 
-    /// Steps 2 and 3.
+    /// Lift and consensus, steps 2 and 3 of the module.
     fn settle(
         &self,
         frame: &Frame,
@@ -405,7 +410,7 @@ impl LandmarkFinder {
         }))
     }
 
-    /// The pose that the fixed landmarks determine. The views may see little there.
+    /// The pose that enough fixed landmarks determine, even if the views see little there.
     fn pose_of_fixed(
         &self,
         frame: &Frame,
@@ -426,7 +431,7 @@ impl LandmarkFinder {
         }
     }
 
-    /// Steps 4 and 5.
+    /// Shape and snap, steps 4 and 5 of the module.
     fn shaped(
         &self,
         mesh: &Mesh,
@@ -465,10 +470,10 @@ fn advice(finding: &str) -> String {
     )
 }
 
-/// Where the caller fixed landmarks, mesh units.
+/// The places of the landmarks that the caller fixed, mesh units.
 ///
 /// # Errors
-/// `InvalidInput` for an impossible index, vertex or position, or an index that comes twice.
+/// `InvalidInput` for an impossible index, vertex or position, or an index that appears twice.
 fn places_of(mesh: &Mesh, fixed: &[FixedLandmark]) -> Result<Vec<(usize, [f32; 3])>> {
     let mut is_fixed = [false; LANDMARKS];
     fixed

@@ -1,8 +1,8 @@
 //! The network that finds 68 landmarks on a depth picture; `training/landmarks/network.py` is the
 //! twin, layer by layer.
 //!
-//! A small U-Net over 128² pictures of depth and normals. It gives 68 heat maps of 64², made at
-//! 32² with four sub-pixels each, and one number: is there a face.
+//! A small U-Net over 128² pictures of depth and normals. It gives 68 heat maps of 64², computed at
+//! 32² with four sub-pixels per pixel, and one number that says whether there is a face.
 
 use crate::{
     Result,
@@ -14,10 +14,10 @@ use crate::{
     },
 };
 
-/// Pixels of a heat map on a side.
+/// Side of a heat map, pixels.
 pub(super) const HEAT: usize = 64;
 
-/// Reach of the mean around a peak, heat-map pixels.
+/// A peak's place is the mean over the pixels up to this far to its sides, heat-map pixels.
 const PEAK_RADIUS: usize = 3;
 
 /// The network's result for one picture.
@@ -25,13 +25,13 @@ const PEAK_RADIUS: usize = 3;
 pub(super) struct Sight {
     /// `[68]`, (column, row) from 0 to 1 over the picture.
     pub places: [[f32; 2]; LANDMARKS],
-    /// `[68]`, probability within a few pixels of each place.
+    /// `[68]`, probability that the landmark lies within a few pixels of its place.
     pub confidence: [f32; LANDMARKS],
     /// Probability that there is a face.
     pub presence: f32,
 }
 
-/// Two convolutions around a shortcut.
+/// Two convolutions with a shortcut past them.
 pub(super) struct Block {
     first: Conv2d,
     second: Conv2d,
@@ -52,7 +52,7 @@ impl Block {
     }
 }
 
-/// `LandmarkNetwork` of the twin, its normalisations folded into the convolutions.
+/// `LandmarkNetwork` of the twin, with its normalisations folded into the convolutions.
 pub(super) struct LandmarkNetwork {
     stem: Conv2d,
     block64: Block,
@@ -141,7 +141,8 @@ impl LandmarkNetwork {
     }
 }
 
-/// Four channels of a landmark become 2×2 sub-pixels (PyTorch's `pixel_shuffle`), channels first.
+/// Turns the four channels of a landmark into 2×2 sub-pixels (PyTorch's `pixel_shuffle`), channels
+/// first.
 fn shuffle(heat: &Picture) -> Vec<f32> {
     let mut maps = vec![0.0; LANDMARKS * HEAT * HEAT];
     for (pixel, values) in heat.values.chunks_exact(heat.channels).enumerate() {
@@ -155,7 +156,7 @@ fn shuffle(heat: &Picture) -> Vec<f32> {
     maps
 }
 
-/// Mean place of the softmax around its peak, and the probability there.
+/// The mean place of the softmax around its peak, and the total probability there.
 fn peak(map: &[f32]) -> ([f32; 2], f32) {
     let top = (0..map.len()).fold(0, |best, i| if map[i] > map[best] { i } else { best });
     let total: f32 = map.iter().map(|v| (v - map[top]).exp()).sum();
@@ -218,7 +219,7 @@ mod tests {
         };
         let drawn = DepthBuffer::draw(&points, &triangles, window).features();
         let expected = picture(&golden);
-        // A pixel centre that falls on an edge may go either way in the last bit.
+        // Rounding of the last bit decides whether a pixel centre on an edge is covered.
         let off = drawn.values.iter().zip(&expected.values);
         let differing = off.filter(|(a, b)| (**a - **b).abs() > 1e-4).count();
         assert!(
@@ -227,7 +228,7 @@ mod tests {
         );
     }
 
-    /// The golden's input, turned from channels first to channels last.
+    /// The golden file's input, converted from channels first to channels last.
     fn picture(golden: &Golden) -> Picture {
         let input = golden.values("input");
         let mut picture = Picture::zeros(128, 128, 4);

@@ -1,8 +1,8 @@
 //! The network that finds faces in any pose on a depth picture; `training/landmarks/pose_network.py`
 //! is the twin, layer by layer.
 //!
-//! A small U-Net over the 128² pictures of `depth_view`. Each of 16² cells says whether a face's
-//! centre lies in it, where exactly, how large the face is and how it is turned.
+//! A small U-Net over the 128² pictures of `depth_view`. Each of 16² cells says whether the centre
+//! of a face lies in it, where exactly it lies, how large the face is and how it is turned.
 
 use glam::Vec3;
 
@@ -18,7 +18,7 @@ use crate::{
 };
 
 const OUTPUTS: usize = 10;
-/// Cells nearer than this to a better one show the same face, as a share of the picture.
+/// Faces this close to a more likely one are the same face, as a share of the picture.
 const SAME_FACE: f32 = 0.1;
 
 /// A face in one picture.
@@ -28,13 +28,13 @@ pub(super) struct Sighting {
     pub presence: f32,
     /// Its centre: (column, row) from 0 to 1 over the picture.
     pub place: [f32; 2],
-    /// Half-size of a tight window around it, as a share of this window's.
+    /// Half-size of a tight window around it, as a share of the half-size of the picture's window.
     pub size: f32,
     /// The face's axes in the view, row by row.
     pub rotation: [[f64; 3]; 3],
 }
 
-/// `PoseNetwork` of the twin, its normalisations folded into the convolutions.
+/// `PoseNetwork` of the twin, with its normalisations folded into the convolutions.
 pub(super) struct PoseNetwork {
     stem: Conv2d,
     down32: Conv2d,
@@ -93,7 +93,7 @@ impl PoseNetwork {
             .forward(&self.join16.forward(&up.doubled().plus(&x16).relu()))
     }
 
-    /// The `most` likeliest faces of a picture `[128, 128, 4]`, the best first. At least one.
+    /// The `most` likeliest faces in a picture `[128, 128, 4]`, best first. There is always one.
     pub fn see(&self, picture: &Picture, most: usize) -> Vec<Sighting> {
         let out = self.forward(picture);
         let mut cells: Vec<Sighting> = out

@@ -1,9 +1,10 @@
-//! What shapes the 68 landmarks of a face have together: a Gaussian in the canonical frame.
+//! A Gaussian over the shapes that the 68 landmarks of a face form, in the canonical frame.
 //!
-//! The covariance is that of human, warped and stylised faces (its leading modes, written by
-//! `python -m training.landmarks.prior`) plus a short-range part that lets neighbours move together
-//! where no mode does. Measured landmarks are conditioned on it with a noise of their own (Bishop
-//! 2006, eq. 2.113–2.117): sure ones stay, unsure ones go where the others say, fixed ones are exact.
+//! Its covariance is that of human, warped and stylised faces (the leading modes, written by
+//! `python -m training.landmarks.prior`) plus a short-range part, which lets neighbours move
+//! together where no mode does. The Gaussian is conditioned on the measured landmarks, each with
+//! its own noise (Bishop 2006, eq. 2.113–2.117). Sure landmarks stay, unsure ones move to where the
+//! others suggest, fixed ones are exact.
 
 use faer::{
     Mat, Side,
@@ -16,17 +17,18 @@ use crate::{
     models::Weights,
 };
 
-/// Deviation and reach of what the modes leave over, metres.
+/// Standard deviation of the covariance's short-range part, metres.
 const LOCAL_M: f64 = 0.0022;
+/// Distance over which the short-range part couples neighbours (a Gaussian's deviation), metres.
 const LOCAL_REACH_M: f64 = 0.011;
 
-/// Deviation of a landmark of confidence one, metres.
+/// Standard deviation of a landmark with confidence one, metres.
 const SURE_M: f64 = 0.0012;
 
 /// A landmark this far from where the others expect it is half as sure, metres.
 const ODD_M: f64 = 0.010;
 
-/// Deviation of a landmark that the caller fixed, metres.
+/// Standard deviation of a landmark that the caller fixed, metres.
 const FIXED_M: f64 = 1e-6;
 
 const COORDINATES: usize = 3 * LANDMARKS;
@@ -38,7 +40,7 @@ pub(super) struct Measured {
     pub position: [f32; 3],
     /// 0 to 1.
     pub confidence: f32,
-    /// Given by the caller.
+    /// Whether the caller fixed it.
     pub fixed: bool,
 }
 
@@ -49,7 +51,7 @@ pub(super) struct ShapePrior {
 }
 
 impl ShapePrior {
-    /// Reads `modes` `[count, 204]`, metres, each as long as its deviation.
+    /// Reads `modes` `[count, 204]`, metres. The length of each mode is its standard deviation.
     ///
     /// # Errors
     /// `Weights` if they are missing or have another shape.
@@ -73,9 +75,9 @@ impl ShapePrior {
         Ok(ShapePrior { covariance })
     }
 
-    /// The likeliest landmarks given all measured ones, and how far each measured one agrees with
-    /// what the others say: its confidence times a factor from 0 to 1. Twice, so that outliers lose
-    /// their say.
+    /// The likeliest landmarks given all measured ones, and a new confidence for each: the measured
+    /// one times a factor from 0 to 1 that says how well it agrees with the others (1 if fixed).
+    /// Solves again twice with more noise on outliers, so that they lose influence.
     ///
     /// # Errors
     /// `Numerics` if the measured places are not finite.
@@ -102,7 +104,7 @@ impl ShapePrior {
         Ok((solved.positions, confidence))
     }
 
-    /// Posterior mean, and each landmark's distance from what all others say (leave-one-out:
+    /// Posterior mean, and each landmark's distance from where the others expect it (leave-one-out:
     /// the residual `[A⁻¹]ᵢᵢ⁻¹ [A⁻¹(y − m)]ᵢ` for `A` = covariance + noise).
     fn condition(&self, measured: &[Measured; LANDMARKS], deviation: &[f64]) -> Result<Solved> {
         let mean = canonical_landmarks();

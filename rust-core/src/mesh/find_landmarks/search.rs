@@ -1,4 +1,4 @@
-//! Searches a mesh from all sides for places of a face and its pose.
+//! Searches a mesh from all sides for the place and the pose of a face.
 
 use std::sync::{
     Arc,
@@ -30,38 +30,40 @@ const CLOSER_LOOKS: usize = 3;
 /// Faces taken from one picture.
 const FACES_IN_A_PICTURE: usize = 2;
 
-/// Number of candidates that get closer looks, and number of those that are passed on.
+/// Number of candidates that get closer looks.
 const LOOKED_AT: usize = 9;
+/// Number of candidates that are passed on.
 const KEPT: usize = 3;
 
-/// Number of the most promising poses that are evaluated at once.
+/// Number of poses that are evaluated at once, the most promising first.
 const PROMISED_AT_ONCE: usize = 32;
 
-/// Views around the plane of symmetry.
+/// Number of views along the plane of symmetry, all around the mesh.
 const VIEWS_IN_PLANE: usize = 12;
 
-/// Smaller windows on the plane of symmetry, as shares of the whole one. Only the landmark network
-/// looks through them: it knows faces that the pose network does not.
+/// Sizes of the smaller windows on the plane of symmetry, as shares of the window on the whole
+/// mesh. Only the landmark network looks through them. It knows faces that the pose network does
+/// not.
 const WINDOWS_ON_PLANE: [f32; 4] = [0.6, 0.42, 0.3, 0.21];
 
-/// Added to the likeness of a face that looks the way the caller stated, so that it wins where two
+/// Added to the likeness of a face that looks in the stated direction, so that it wins where two
 /// faces look alike.
 const STATED_BONUS: f32 = 0.1;
 
-/// A face of at least `SURE` likeness ends the search from other sides. One of at least `LIKELY`
-/// ends the search through smaller windows.
+/// An upright face at the stated front with a likeness above this makes other sides unnecessary.
 const SURE: f32 = 0.75;
+/// A face with at least this likeness makes the smaller windows unnecessary.
 const LIKELY: f32 = 0.5;
 
-/// A mesh without a face takes about this many looks. Progress is relative to this.
+/// The search of a mesh without a face takes about this many looks. Progress is a share of them.
 const MOST_LOOKS: f32 = 1300.0;
 const STAGE: &str = "landmarks";
 
-/// Counts looks at a mesh, and asks the caller before each whether to continue.
+/// Counts the looks at a mesh and asks the caller before each look whether to continue.
 pub(super) struct Looks<'a> {
     progress: ProgressFn<'a>,
     count: AtomicUsize,
-    /// Those of [`Frame`].
+    /// Shared with [`Frame`]: the pixels that its pictures have tested.
     places: Arc<AtomicU64>,
 }
 
@@ -112,13 +114,13 @@ impl<'a> Looks<'a> {
 pub(super) struct Candidate {
     /// From the frame to canonical metres.
     pub to_canonical: Similarity,
-    /// 0 to 1. During the search it is the pose network's probability, at the end the landmark
-    /// network's probability times its confidence.
+    /// 0 to 1. During the search, it is the pose network's probability. At the end, it is the
+    /// landmark network's probability times its confidence.
     pub likeness: f32,
 }
 
 impl Candidate {
-    /// How well the face looks along the stated axis with its top upwards, −1 to 1.
+    /// How well the face is turned to the stated front with its top upwards, −1 to 1.
     fn uprightness(&self) -> f32 {
         let r = &self.to_canonical.rotation;
         r[1][1].min(r[2][2]) as f32
@@ -129,7 +131,7 @@ impl Candidate {
     }
 }
 
-/// Both networks and their inputs. Once the caller stops the search, they see nothing.
+/// Both networks and what they look at. Once the caller stops the search, they see nothing.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     pub pose: &'a PoseNetwork,
@@ -140,8 +142,9 @@ pub(super) struct Search<'a> {
 
 impl Search<'_> {
     /// Searches the stated front first. If there is no certain face, it searches all sides. If the
-    /// mesh mirrors itself, it also searches for faces across that plane, at last in smaller
-    /// windows on the plane. The result starts with the best.
+    /// mesh mirrors itself in a plane, it then searches for faces with this plane in their middle.
+    /// If no face is likely even then, it looks through smaller windows on the plane. The result
+    /// starts with the best candidate.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -167,7 +170,7 @@ impl Search<'_> {
         Ok(distinct(candidates))
     }
 
-    /// The faces that the pose network sees from some sides.
+    /// The faces that the pose network sees from the given sides.
     fn glances(&self, sides: &[Similarity], plane: Option<&Plane>) -> Vec<Candidate> {
         let by_side: Vec<Vec<Candidate>> = sides
             .par_iter()
@@ -204,9 +207,9 @@ impl Search<'_> {
             .collect()
     }
 
-    /// The best of many poses.
+    /// The likeliest of many poses, judged by the landmark network.
     fn likeliest(&self, poses: Vec<Similarity>) -> Vec<Candidate> {
-        // A face's likeness is at most its presence, which takes only half of the network.
+        // The likeness of a face is at most its presence, which needs only half of the network.
         let at_most = |to_canonical| Candidate {
             to_canonical,
             likeness: self.presence(&to_canonical),
@@ -244,8 +247,8 @@ impl Search<'_> {
             .collect()
     }
 
-    /// The best candidates: views ever more from their front by the pose network, then one by the
-    /// landmark network.
+    /// Refines the best candidates. The pose network views each several times, every time from a
+    /// better estimate of its front. Then the landmark network judges it.
     fn closest_looks(
         &self,
         mut candidates: Vec<Candidate>,
@@ -286,7 +289,7 @@ impl Search<'_> {
         picture.map_or(0.0, |picture| self.views.presence(&picture))
     }
 
-    /// How much the front looks like a face to the landmark network.
+    /// How much the front view looks like a face to the landmark network.
     fn likeness(&self, to_canonical: &Similarity) -> f32 {
         let Some(picture) = self.picture(to_canonical) else {
             return 0.0;
@@ -302,7 +305,7 @@ impl Search<'_> {
         Some(buffer.features())
     }
 
-    /// One look at the frame turned by `turn`; `None` once the caller stops the search.
+    /// One look at the frame turned by `turn`; `None` once the search must stop.
     fn draw(&self, turn: &Similarity, window: Window) -> Option<DepthBuffer> {
         let goes_on = self.looks.take();
         goes_on.then(|| {
@@ -338,7 +341,8 @@ fn differ(a: &Candidate, b: &Candidate) -> bool {
     0.5 * (trace - 1.0) < 0.9 || shift.sqrt() > 0.05
 }
 
-/// The candidate, its face turned across the plane of symmetry.
+/// Turns a candidate so that the plane of symmetry, if there is one, divides its face into left and
+/// right. `None` if it would turn too far.
 fn across(candidate: Candidate, plane: Option<&Plane>) -> Option<Candidate> {
     let Some(plane) = plane else {
         return Some(candidate);
@@ -360,8 +364,8 @@ fn whole([low, high]: [[f32; 3]; 2]) -> Window {
     }
 }
 
-/// Poses of faces in several sizes, one above the other on the plane of symmetry (view x = its
-/// offset), upright and upside down, from a view to canonical metres.
+/// Possible poses of faces on the plane of symmetry (view x = its offset), from a view to canonical
+/// metres: in several sizes, one above the other, each upright and upside down.
 fn poses_on(bounds: [[f32; 3]; 2], plane: &Plane) -> Vec<Similarity> {
     let [low, high] = bounds;
     let mut poses = Vec::new();
@@ -385,7 +389,7 @@ fn poses_on(bounds: [[f32; 3]; 2], plane: &Plane) -> Vec<Similarity> {
     poses
 }
 
-/// Views from the faces and corners of a cube, the stated front first.
+/// The views from the faces and corners of a cube, the stated front first.
 fn directions() -> Vec<Similarity> {
     let mut towards = vec![
         [0.0, 0.0, 1.0],
@@ -404,7 +408,7 @@ fn directions() -> Vec<Similarity> {
         .collect()
 }
 
-/// The turn that brings a direction to +z, +y up where it can.
+/// The rotation that turns `direction` to +z and keeps +y up where it can.
 fn looking_from(direction: DVec3) -> Similarity {
     let z = unit(direction);
     let up = if z[1].abs() < 0.9 {
@@ -419,7 +423,7 @@ fn looking_from(direction: DVec3) -> Similarity {
     }
 }
 
-/// Views along the plane of symmetry, which is upright in each of them.
+/// Views along the plane of symmetry, all around the mesh. The plane is upright in each of them.
 fn around(plane: &Plane) -> Vec<Similarity> {
     let (u, v) = plane.axes();
     let step = std::f64::consts::TAU / VIEWS_IN_PLANE as f64;
@@ -435,7 +439,7 @@ fn around(plane: &Plane) -> Vec<Similarity> {
     (0..VIEWS_IN_PLANE).map(view).collect()
 }
 
-/// The pose in the frame of a face in a view; `None` where the picture is empty.
+/// Converts a face seen in a view to a candidate in the frame. `None` where the picture is empty.
 fn candidate(
     sighting: &Sighting,
     buffer: &DepthBuffer,
@@ -444,7 +448,7 @@ fn candidate(
 ) -> Option<Candidate> {
     let tight = sighting.size * window.half_size;
     let [x, y] = window.to_view(sighting.place);
-    // The middle of the landmarks lies a little behind the surface in front of it.
+    // The centre of the landmarks lies a little behind the surface.
     let surface = buffer.depth_at(sighting.place)?;
     let z = surface - 0.25 * tight;
     let centre = [x, y, z].map(f64::from);

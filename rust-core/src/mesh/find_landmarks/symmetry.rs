@@ -1,9 +1,10 @@
-//! The plane in which a mesh mirrors itself: heads, bodies and animals do, and a face lies across it.
+//! The plane in which a mesh mirrors itself. Heads, bodies and animals have one, and it divides the
+//! face into left and right.
 //!
-//! From each principal plane of the surface: reflect points, match each to the nearest point of the
-//! surface, take the plane that mirrors these pairs best, again (after Ecins, Fermüller, Aloimonos
-//! 2017, "Detecting Reflectional Symmetries in 3D Data Through Symmetrical Fitting", with robust
-//! weights in place of their normals).
+//! The fit starts from each principal plane of the surface and repeats three steps: reflect points,
+//! match each to the nearest point of the surface, take the plane that mirrors these pairs best
+//! (after Ecins, Fermüller, Aloimonos 2017, "Detecting Reflectional Symmetries in 3D Data Through
+//! Symmetrical Fitting", with robust weights in place of their normals).
 
 use faer::{Mat, Side};
 use glam::{DVec3, Vec3};
@@ -15,20 +16,22 @@ use crate::mesh::{
     direction::{perpendicular, unit},
 };
 
-/// Points that are reflected, and points that they may meet.
+/// Number of points that are reflected.
 const REFLECTED: usize = 400;
+/// Number of points on the surface that a reflected point may meet.
 const SURFACE: usize = 2500;
 const ROUNDS: usize = 15;
 
-/// A miss that counts half, as a part of the mesh's radius of gyration.
+/// A point that misses the surface by this share of the mesh's radius of gyration counts half.
 const ROBUST: f64 = 0.05;
 
-/// Share of points that must meet the surface, and how close, in the same unit. Heads with shoulders,
-/// standing animals: 0.04 to 0.06; the second best plane of the same meshes: 0.2 and more.
+/// Share of the reflected points that must meet the surface.
 const SHARE: f64 = 0.9;
+/// How close they must come to it, in the unit of `ROBUST`. Heads with shoulders and standing
+/// animals reach 0.04 to 0.06, the second best plane of the same meshes 0.2 and more.
 const WORST: f64 = 0.13;
 
-/// `normal · x = offset`.
+/// The plane `normal · x = offset`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
     pub normal: DVec3,
@@ -40,13 +43,14 @@ impl Plane {
         p - 2.0 * (p.dot(self.normal) - self.offset) * self.normal
     }
 
-    /// Two axes in the plane that make a right-handed frame with the normal.
+    /// Two axes in the plane that form a right-handed frame with the normal.
     pub fn axes(&self) -> (DVec3, DVec3) {
         perpendicular(self.normal)
     }
 
-    /// The similarity nearest to `pose` whose x axis is across the plane, and in which the plane is
-    /// x = 0; the view z axis stays in its place around x. `None` if it would turn by over 60°.
+    /// Turns and moves `pose` just enough that its x axis is normal to the plane and that it maps
+    /// the plane through `centre`. Adds no turn about the x axis. `None` if the x axis would turn
+    /// by over 60°.
     pub fn align(&self, pose: &Similarity, centre: [f32; 3]) -> Option<Similarity> {
         let across = self.normal.dot(pose.rotation[0].into());
         if across.abs() < 0.5 {
@@ -133,7 +137,7 @@ fn scatter(weighted: impl Iterator<Item = (f64, DVec3)>) -> [[f64; 3]; 3] {
     sum
 }
 
-/// Eigenvectors of a symmetric matrix, the smallest eigenvalue's first.
+/// Eigenvectors of a symmetric matrix, starting with that of the smallest eigenvalue.
 fn principal(matrix: &[[f64; 3]; 3]) -> Option<Vec<DVec3>> {
     let eigen = Mat::from_fn(3, 3, |i, j| matrix[i][j])
         .self_adjoint_eigen(Side::Lower)
@@ -156,9 +160,11 @@ fn nearest(p: DVec3, surface: &[DVec3]) -> (DVec3, f64) {
         })
 }
 
-/// The plane that mirrors each point best into what its reflection is nearest to: across the
-/// differences, through the middles. `nearest`: the point of the surface nearest to another, with their
-/// distance squared; `robust`: a distance that counts half.
+/// Pairs each point with the surface point nearest to its reflection. Returns the plane that
+/// mirrors these pairs best: perpendicular to their differences, through their midpoints.
+///
+/// `nearest`: returns the surface point nearest to a point, and the square of their distance.
+/// `robust`: a reflection this far from the surface counts half.
 pub(super) fn better(
     plane: &Plane,
     points: &[DVec3],
@@ -188,7 +194,7 @@ pub(super) fn better(
     }
 }
 
-/// Distance within which most reflected points meet the surface.
+/// Distance within which the share `SHARE` of the reflected points meets the surface.
 fn miss(plane: &Plane, points: &[DVec3], surface: &[DVec3]) -> f64 {
     let mut distances: Vec<f64> = points
         .iter()

@@ -1,9 +1,9 @@
-//! Whether a face stands across the plane in which the mesh about it mirrors itself.
+//! Checks that the plane in which the mesh around a face mirrors itself lies between its eyes.
 //!
-//! On a round toy two eyes and a mouth lie like the corners of a triangle, so that the networks may
-//! confuse the mouth with an eye. The mesh decides: its left and right mirror each other across one
-//! plane, which is not that of a wrongly turned face. Points are those of the face, in canonical
-//! metres.
+//! On a round toy, two eyes and a mouth lie like the corners of a triangle, so the networks may
+//! confuse the mouth with an eye. The mesh decides. Its left and right mirror each other in one
+//! plane, and a wrongly turned face has another plane between its eyes. All points here are in the
+//! face's own frame, in canonical metres.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -14,34 +14,35 @@ use super::{
 };
 use crate::mesh::{Mesh, Similarity, SurfaceTree, direction::unit};
 
-/// Surface within this distance of the middle of the face counts, as far as brows, chin and cheeks.
+/// Triangles within this distance of the face's centre count: as far as brows, chin and cheeks.
 const REACH_M: f64 = 0.14;
-/// Surface that faces the front by less than this, as a cosine, does not count.
+/// Triangles whose normals face forward by less than this, as a cosine, do not count.
 const LEAST_FRONT: f64 = 0.1;
 /// Number of points that are reflected.
 const REFLECTED: usize = 600;
-/// Number of angles about the face's front axis at which planes are tried, and rounds of each.
+/// Number of planes that are tried, at equal angles about the face's forward axis.
 const ANGLES: usize = 12;
+/// Rounds of fitting for each plane.
 const ROUNDS: usize = 10;
-/// The miss that counts half while a plane is fitted, and the largest that one point counts,
-/// metres.
+/// While a plane is fitted, a point that misses the surface by this counts half, metres.
 const ROBUST_M: f64 = 0.004;
+/// The most that a single point adds to the mean miss of a plane, metres.
 const MOST_MISS_M: f64 = 0.011;
-/// Planes within the first angle of the face's own plane are its own, those beyond the second are
-/// others.
+/// A plane within this angle of the plane between the eyes counts as the face's own.
 const OWN_DEG: f64 = 25.0;
+/// A plane beyond this angle counts as another plane.
 const OTHER_DEG: f64 = 35.0;
-/// A plane tilted to the front by more than this, as a sine, separates front and back instead of
-/// left and right.
+/// A plane whose normal tilts forward by more than this, as a sine, separates front and back
+/// instead of left and right.
 const MOST_FORWARD: f64 = 0.5;
-/// The face is turned where its own plane misses by more than this share of another plane's miss.
+/// The face is turned if its own plane misses by more than this share of another plane's miss.
 const SHARE: f64 = 0.8;
 
-/// A plane, and by how much the surface misses its mirror image across it, metres.
+/// The mean distance by which reflected points miss the surface, metres, and the plane.
 type Mirror = (f64, Plane);
 
-/// The plane in which the mesh about a face mirrors itself, if that is not the plane between the
-/// face's eyes.
+/// The plane in which the mesh around a face mirrors itself, if it does not lie between the face's
+/// eyes.
 pub(super) fn turned_away(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Plane> {
     let mirrors = mirrors(frame, to_canonical)?;
     let best = |holds: &dyn Fn(&Plane) -> bool| -> Option<Mirror> {
@@ -57,7 +58,8 @@ pub(super) fn turned_away(frame: &Frame<'_>, to_canonical: &Similarity) -> Optio
     (between_eyes > SHARE * other).then_some(plane)
 }
 
-/// Poses of a face across a plane, both ways up, relative to the pose in which the plane was found.
+/// The two poses, one upside down, of a face with the plane between its eyes. `to_canonical` is the
+/// pose in whose frame the plane was found.
 pub(super) fn poses_across(plane: &Plane, to_canonical: &Similarity) -> [Similarity; 2] {
     let middle = Vec3::from(middle()).as_dvec3();
     let on_plane = middle - (middle.dot(plane.normal) - plane.offset) * plane.normal;
@@ -77,7 +79,7 @@ pub(super) fn poses_across(plane: &Plane, to_canonical: &Similarity) -> [Similar
     })
 }
 
-/// The planes to which those at [`ANGLES`] converge; `None` where nothing faces the front.
+/// The planes to which the [`ANGLES`] first ones converge; `None` where nothing faces forward.
 fn mirrors(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Vec<Mirror>> {
     let mesh = Mesh {
         positions: turned(frame, to_canonical),

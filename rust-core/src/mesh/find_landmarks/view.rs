@@ -1,4 +1,4 @@
-//! The stated frame, and one look at it through a window.
+//! The mesh in its stated frame, and one look at it through a window.
 
 use std::{
     borrow::Cow,
@@ -19,22 +19,23 @@ use crate::{
     mesh::{Axis, Mesh, Similarity, canonical_landmarks, ibug::LANDMARKS},
 };
 
-/// Larger meshes are thinned to this many triangles: pictures have 256² pixels, and the result is
-/// put on the whole mesh.
+/// Larger meshes are thinned to at most this many triangles. That is enough for pictures of 256²
+/// pixels, and the found landmarks are put on the whole mesh.
 const MOST_TRIANGLES: usize = 800_000;
 
-/// Most places that all pictures of a search examine. Heads take 5 to 18 million. A cat, on which
-/// the longest search finds no face, takes 34 million.
+/// The most pixels that all pictures of a search together test. Heads take 5 to 18 million. A cat,
+/// on which the longest search finds no face, takes 34 million.
 pub(super) const MOST_PLACES: u64 = 1 << 28;
 
-/// A mesh turned so that it should face +z with +y up, its box centred and of size one.
+/// A mesh turned so that it faces +z with +y up, if the caller stated its axes correctly. Its
+/// bounding box is centred, and the box's longest side is one.
 pub(super) struct Frame<'a> {
     pub points: Vec<[f32; 3]>,
     pub triangles: Cow<'a, [[u32; 3]]>,
     pub from_mesh: Similarity,
-    /// Deviation by which pictures of it are softened, pixels of the depth buffer; 0 for sharp ones.
+    /// Deviation of the Gaussian that softens its pictures, pixels of the depth buffer; 0 for none.
     pub softness: f32,
-    /// Places that all its pictures have examined; see [`DepthBuffer::places`].
+    /// Number of pixels that all its pictures have tested; see [`DepthBuffer::places`].
     pub places: Arc<AtomicU64>,
 }
 
@@ -58,10 +59,10 @@ impl Frame<'_> {
         }
     }
 
-    /// Draws the mesh, its `points` turned, `[V]`.
+    /// Draws the mesh with its points turned. `points`: `[V]`.
     pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
         let sharp = DepthBuffer::draw(points, &self.triangles, window);
-        // A picture that was cut short does not count, so that the search ends.
+        // A picture that was cut short uses up the whole budget, so that the search ends.
         let places = match sharp.places > depth_view::MOST_PLACES {
             true => MOST_PLACES,
             false => sharp.places,
@@ -73,7 +74,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Lowest and highest corner of the box around the faces of `points`, `[V]`.
+    /// Lowest and highest corner of the box around the triangles. `points`: `[V]`, turned.
     pub fn bounds_of(&self, points: &[[f32; 3]]) -> [[f32; 3]; 2] {
         let (low, high) = bounds(points, &self.triangles);
         [low, high]
@@ -129,8 +130,8 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
     })
 }
 
-/// Removes about half of the triangles, evenly: triangles that share no corner shrink into their
-/// first corners. Points without a triangle are removed.
+/// Removes about half of the triangles, evenly. Chooses triangles that share no corner and
+/// collapses each into its first corner. Removes points that no triangle uses any more.
 fn thinned(points: &mut Vec<[f32; 3]>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     const NOWHERE: u32 = u32::MAX;
     let mut goes_to = vec![NOWHERE; points.len()];
@@ -173,7 +174,7 @@ fn bounds(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> ([f32; 3], [f32; 3]) {
     })
 }
 
-/// One look through a window at the mesh, its points turned to face +z.
+/// One look through a window at the mesh, whose `points` are turned to face +z.
 pub(super) fn look(
     network: &LandmarkNetwork,
     frame: &Frame,
@@ -199,7 +200,7 @@ pub(super) fn front(views: &LandmarkNetwork, frame: &Frame, to_canonical: &Simil
     look(views, frame, &points, on_face(HALF_SIZE_M))
 }
 
-/// A window on the middle of a face.
+/// A window around the centre of a face.
 pub(super) fn on_face(half_size: f32) -> Window {
     let [x, y, _] = middle();
     Window {
@@ -214,7 +215,7 @@ pub(super) fn middle() -> [f32; 3] {
     std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / mean.len() as f32)
 }
 
-/// The mesh in the face's own frame for views: canonical metres, as far as they are known.
+/// The points in the face's own frame: canonical metres, as far as the pose is known.
 pub(super) fn turned(frame: &Frame, to_canonical: &Similarity) -> Vec<[f32; 3]> {
     frame
         .points

@@ -1,4 +1,4 @@
-//! Reads numbers out of a file's buffers. Checks each range against the available bytes.
+//! Reads numbers from a file's buffers. Checks each range against the available bytes.
 
 use std::borrow::Cow;
 
@@ -43,7 +43,7 @@ impl Component {
         }
     }
 
-    /// The first number in `bytes`, as it is, or `normalized` to −1 … 1 or 0 … 1.
+    /// The first number in `bytes`, as stored or, if `normalized`, scaled to −1 … 1 or 0 … 1.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         let (value, most) = match self {
             Component::I8 => (f32::from(bytes[0] as i8), 127.0),
@@ -59,7 +59,7 @@ impl Component {
         }
     }
 
-    /// The same as a whole number.
+    /// The first number in `bytes` as a whole number.
     fn index(self, bytes: &[u8]) -> u32 {
         match self.size() {
             1 => u32::from(bytes[0]),
@@ -69,7 +69,7 @@ impl Component {
     }
 }
 
-/// Elements side by side in a buffer.
+/// Elements at equal distances in a buffer.
 struct Elements<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -82,11 +82,11 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// A description and the bytes to which it refers.
+/// A glTF description and the bytes to which it refers.
 pub(super) struct Data<'a> {
     pub document: &'a Document,
     buffers: Vec<Option<Cow<'a, [u8]>>>,
-    /// Bytes of all buffers.
+    /// Number of bytes in all buffers.
     total: usize,
 }
 
@@ -115,7 +115,7 @@ impl<'a> Data<'a> {
         accessor.ok_or_else(|| missing("accessor", number, accessors.len()))
     }
 
-    /// Number of elements of an accessor; at most the number of bytes in the file.
+    /// Number of elements of an accessor. Refuses more elements than the buffers have bytes.
     pub(super) fn count(&self, number: usize) -> Result<usize> {
         let count = self.accessor(number)?.count;
         match count <= self.total {
@@ -127,7 +127,7 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Positions of floats, or of integers where the file declares quantised positions.
+    /// Reads positions of floats, or of integers where the file declares quantised positions.
     pub(super) fn positions(&self, number: usize) -> Result<Vec<[f32; 3]>> {
         let accessor = self.accessor(number)?;
         let component = Component::of(accessor.component_type)?;
@@ -156,7 +156,7 @@ impl<'a> Data<'a> {
         self.elements(number, 3 * size, [0.0; 3], element)
     }
 
-    /// Vertex numbers of 8, 16 or 32 bits.
+    /// Reads vertex numbers of 8, 16 or 32 bits.
     pub(super) fn indices(&self, number: usize) -> Result<Vec<u32>> {
         let accessor = self.accessor(number)?;
         let component = Component::of(accessor.component_type)?;
@@ -170,8 +170,8 @@ impl<'a> Data<'a> {
         self.elements(number, component.size(), 0, |bytes| component.index(bytes))
     }
 
-    /// All elements of an accessor, each of `size` bytes. A sparse accessor has `zero` where
-    /// nothing is stored.
+    /// Reads all elements of an accessor, each of `size` bytes. A sparse accessor without a view
+    /// has `zero` wherever it stores nothing.
     fn elements<T: Copy>(
         &self,
         number: usize,
@@ -211,7 +211,7 @@ impl<'a> Data<'a> {
         Ok(out)
     }
 
-    /// `count` elements of `size` bytes in a view, if they are all there.
+    /// The range of `count` elements of `size` bytes in a view, if the view has all of them.
     fn range(&self, view: usize, offset: usize, count: usize, size: usize) -> Result<Elements<'_>> {
         let views = &self.document.buffer_views;
         let view = match views.get(view) {
@@ -268,7 +268,7 @@ fn elsewhere(document: &Document, buffer: usize) -> Error {
     }
 }
 
-/// The bytes of a `data:` URI in base64; `None` where the URI names another file.
+/// Decodes a `data:` URI in base64, in either alphabet. `None` if the URI names another file.
 fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
     let Some(rest) = uri.strip_prefix("data:") else {
         return Ok(None);
@@ -281,7 +281,7 @@ fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
     }
 }
 
-/// Accepts both alphabets, with padding or without, since files have all of them.
+/// Accepts base64 with or without padding, because files have both.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
     GeneralPurposeConfig::new()

@@ -1,4 +1,4 @@
-//! The parts of a glTF description that place triangles; all others are passed over.
+//! The parts of a glTF description that place triangles. All other parts are ignored.
 
 use serde::Deserialize;
 
@@ -39,7 +39,7 @@ pub(super) struct Node {
     pub children: Vec<usize>,
     pub mesh: Option<usize>,
     pub skin: Option<usize>,
-    /// Columns.
+    /// Column by column.
     pub matrix: Option<Box<[f32; 16]>>,
     pub translation: Option<[f32; 3]>,
     /// A quaternion: x, y, z, w.
@@ -57,7 +57,7 @@ pub(super) struct Shapes {
 pub(super) struct Primitive {
     pub attributes: Attributes,
     pub indices: Option<usize>,
-    /// 4 triangles, 5 a strip, 6 a fan.
+    /// 4: triangles, 5: a strip, 6: a fan.
     #[serde(default = "triangles")]
     pub mode: u32,
 }
@@ -87,7 +87,7 @@ pub(super) struct Accessor {
     pub sparse: Option<Sparse>,
 }
 
-/// Values that differ from those of the view, or from zero.
+/// Values that replace some of the view's, or some of the zeros if there is no view.
 #[derive(Deserialize)]
 pub(super) struct Sparse {
     pub count: usize,
@@ -101,7 +101,7 @@ pub(super) struct SparsePart {
     pub buffer_view: usize,
     #[serde(default)]
     pub byte_offset: usize,
-    /// Of indices only.
+    /// Only given for indices.
     pub component_type: Option<u32>,
 }
 

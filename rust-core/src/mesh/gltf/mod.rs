@@ -2,8 +2,8 @@
 //!
 //! This does not use the gltf crate, which panics on accessors of signed or odd sizes, follows
 //! nodes without end and does not know the quantised positions (KHR_mesh_quantization) that packers
-//! of glTF write. It reads only what places triangles. It reserves no more memory than the file's
-//! size justifies.
+//! of glTF write. This code reads only what decides where triangles lie, and reserves no more
+//! memory than the file's size justifies.
 
 mod accessor;
 mod document;
@@ -18,16 +18,17 @@ use crate::Result;
 
 type Matrix = [[f32; 4]; 4];
 
-/// Vertices and corners that nodes may add by showing one mesh several times, in addition to four
-/// for each byte of the file.
+/// A file may give this many vertices and corners in addition to four for each of its bytes. Nodes
+/// that show one mesh several times need them.
 const SHOWN_AGAIN: usize = 4_000_000;
 /// Largest JSON that is read, bytes. The data is separate.
 const LARGEST_JSON: usize = 64 << 20;
-/// The marks of the kinds of chunks.
+/// The marks of the two kinds of chunks.
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
 
-/// Extensions that a file may require: those of appearance, and quantised positions.
+/// How the names of extensions begin that a file may require: quantised positions, and extensions
+/// that change only the appearance.
 const UNDERSTOOD: [&str; 4] = [
     "KHR_mesh_quantization",
     "KHR_lights_punctual",
@@ -46,11 +47,11 @@ pub struct GlbPart {
     pub primitive: usize,
     /// Numbers of its vertices in the mesh that was read.
     pub vertices: Range<usize>,
-    /// The node's transform, in columns.
+    /// Transform from the mesh into the scene, in columns; the identity for a skinned mesh.
     pub placed: [[f32; 4]; 4],
 }
 
-/// Every mesh of the default scene, one after the other, moved by its node.
+/// Reads every mesh of the default scene, one after the other, each moved by its node.
 ///
 /// A skinned mesh stays in its bind pose: the format ignores its node's transform. Triangles,
 /// strips and fans are read, lines and points are skipped.
@@ -62,7 +63,7 @@ pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
 /// of the vertices.
 ///
 /// # Errors
-/// `Mesh` for bytes that are no readable GLB.
+/// `Mesh` if the bytes are not a readable GLB.
 pub fn glb_parts(bytes: &[u8]) -> Result<Vec<GlbPart>> {
     Ok(read(bytes)?.1)
 }
@@ -97,7 +98,7 @@ fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
     Ok((reading.mesh, reading.parts))
 }
 
-/// The chunk of JSON and that of data, empty where there is none.
+/// The JSON chunk and the data chunk; the data is empty if the file has none.
 pub(crate) fn glb_chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
     let number = |at: usize| -> Result<u32> {
         let four = bytes.get(at..at + 4).and_then(|b| b.try_into().ok());
@@ -141,7 +142,7 @@ struct Reading<'a> {
     mesh: Mesh,
     parts: Vec<GlbPart>,
     data: Data<'a>,
-    /// Vertices and corners that may still be made.
+    /// Vertices and corners that may still be added.
     budget: usize,
 }
 

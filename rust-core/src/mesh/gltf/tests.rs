@@ -3,7 +3,7 @@ use std::fmt::Write;
 use super::*;
 use crate::Error;
 
-/// A .glb file from its description and data.
+/// Makes a .glb file from its JSON description and its data.
 fn glb(json: &str, data: &[u8]) -> Vec<u8> {
     let mut json = json.as_bytes().to_vec();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -19,7 +19,7 @@ fn glb(json: &str, data: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Three corners of floats, then their numbers in 16 bits.
+/// The positions of three vertices as floats, then their 16-bit numbers.
 fn data() -> Vec<u8> {
     let mut data = Vec::new();
     for x in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
@@ -33,7 +33,7 @@ fn data() -> Vec<u8> {
 
 const NODES: &str = r#"[{"translation":[0,1,0],"children":[1]},{"scale":[2,2,2],"mesh":0}]"#;
 
-/// A triangle's description with `from` replaced by `to`.
+/// The JSON description of a triangle, with `from` replaced by `to`.
 fn description(from: &str, to: &str) -> String {
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
@@ -72,7 +72,7 @@ fn a_mesh_stands_where_its_nodes_put_it() {
 
 #[test]
 fn rotations_and_matrices_place_alike() {
-    // A quarter turn about z, doubled, lifted.
+    // A quarter turn about z, scaled by 2 and moved by 1 along z.
     let h = std::f32::consts::FRAC_1_SQRT_2;
     let turned =
         format!(r#"[{{"rotation":[0,0,{h},{h}],"scale":[2,2,2],"translation":[0,0,1],"mesh":0}}]"#);
@@ -124,7 +124,7 @@ fn a_chain_of_a_hundred_thousand_nodes_is_walked() {
 
 #[test]
 fn what_nodes_show_again_is_bounded() {
-    // 20,000 nodes that show a mesh of 600 triangles that share one view.
+    // 20,000 nodes show one mesh. Its 600 triangles all read the same buffer views.
     let primitive = r#"{"attributes":{"POSITION":0},"indices":1}"#;
     let many = vec![primitive; 600].join(",");
     let nodes = vec![r#"{"mesh":0}"#; 20_000].join(",");
@@ -180,7 +180,7 @@ fn quantised_positions_are_read_where_the_file_says_so() {
     ];
     for (code, bytes, most) in cases {
         let signed = code == "5120" || code == "5122";
-        // Elements start at multiples of four, as packers write them.
+        // Elements start at multiples of four bytes, as packers write them.
         let stride = if bytes == 1 { 4 } else { 8 };
         let mut data = Vec::new();
         for corner in triangle {

@@ -68,7 +68,7 @@ fn locked_vertices_stay_and_nothing_goes_far() {
 fn edges_of_three_faces_stay_as_they_are() {
     let (mut positions, mut triangles) = sheet(10);
     let first = positions.len() as u32;
-    // A fin along the middle row.
+    // A fin stands on the sheet along its middle row.
     for i in 0..=10 {
         positions.push(DVec3::new(f64::from(i) / 10.0, 0.5, 0.3));
     }

@@ -93,7 +93,8 @@ fn what_is_no_tensor_is_refused_by_name() {
 
 #[test]
 fn pickles_that_grow_take_no_memory() {
-    // A list in tuples of pairs of itself, forty times over: 2^40 values if each were a copy.
+    // A list becomes a pair of itself, that pair again a pair of itself, and so on forty times.
+    // These would be 2^40 values if each were a copy.
     let mut laughs = [PROTOCOL, b"]", &text("lol"), b"aq\x00"].concat();
     for n in 0..40 {
         laughs.extend([b'(', b'h', n, b'h', n, b't', b'q', n + 1]);

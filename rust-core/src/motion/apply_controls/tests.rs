@@ -1,4 +1,4 @@
-//! Each control changes what it names and nothing else.
+//! Each control changes what its name says and nothing else.
 
 use ndarray::{Array2, Array3};
 
@@ -25,8 +25,8 @@ fn affect(emotion: &str) -> Array2<f32> {
     EmotionCurve::Constant(Emotion::parse(emotion).unwrap()).sample(FRAMES, FPS)
 }
 
-/// An emotion with a jaw that opens and closes three times a second, lips that round, brows that
-/// wander; at every closing the lips press by up to 0.4 mm.
+/// An emotion while the jaw opens and closes three times a second, the lips round and the brows
+/// wander. At every closing the lips press by up to 0.4 mm.
 fn talking(modes: &FaceModes, emotion: &str) -> LandmarkClip {
     let mut displacements = expressions().alone(affect(emotion).view(), FPS);
     let names = ["jawOpen", "mouthPucker", "browInnerUp_L", "mouthClose"];

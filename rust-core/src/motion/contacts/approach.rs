@@ -1,48 +1,48 @@
-//! How lips come to a contact and part from it: the same path for landmarks and for weights of shapes.
+//! The path on which lips come to a contact and part from it, for landmarks and blendshape weights.
 //!
 //! Twin of `approach` in `training/corpus/closures.py`.
 
 use crate::speech::Contact;
 
-/// How fast lips come together and part at most, m/s: of the frames of grid_s1's tracked speaker 0.1 % close by more
-/// than 0.33 and part by more than 0.28.
+/// The greatest speed at which lips come together and part, m/s. Each in 0.1 % of the frames, the
+/// lips of grid_s1's tracked speaker close faster than 0.33 and part faster than 0.28.
 const FASTEST_M_S: f64 = 0.28;
-/// How fast lips move that are asked to speak larger, m/s.
+/// The greatest speed of lips whose motion a control or an expression enlarges, m/s.
 const FASTEST_OF_ALL_M_S: f64 = 0.33;
-/// Time in which they come to that speed, seconds.
+/// Time in which lips reach their greatest speed, seconds.
 const SPEED_UP_S: f64 = 0.02;
-/// Half of the time for which lips touch at least, seconds. With the slow beginning of the way apart they are
-/// within 0.5 mm for about 60 ms.
+/// Half of the shortest touch, seconds. Because lips part slowly at first, they are within 0.5 mm of
+/// touching for about 60 ms.
 const HALF_TOUCH_S: f64 = 0.015;
-/// Seconds of what is heard of a long contact in which the lips still come or already part.
+/// Part of a long heard contact in which the lips still approach or already part, seconds.
 const EDGES_S: f64 = 0.13;
-/// Lips may touch so long before or after the sound says so, seconds.
+/// The smallest opening is looked for this long before and after a heard contact, seconds.
 const REACH_S: f64 = 0.02;
-/// Frames whose opening is so near to the smallest decide together when lips touch, metres.
+/// Openings within about this distance of the smallest one decide together when lips touch, metres.
 const NEAR_M: f32 = 0.5e-3;
 /// How sharply an opening bends into the path.
 const SHARPNESS: i32 = 6;
-/// Time beyond which a touch no longer bounds the opening, seconds.
+/// A touch bounds the opening for this long before and after it, seconds.
 const FAR_S: f64 = 0.15;
-/// Openings that count as closed, metres from touching.
+/// Openings below this count as closed, metres from touching.
 const CLOSED_M: f32 = 0.75e-3;
-/// A smaller share leaves a frame as it is.
+/// Smaller shares leave a frame as it is.
 const LEAST: f32 = 1e-3;
 
 /// Lips that touch, or nearly so.
 struct Touch {
-    /// From when to when, seconds.
+    /// Start and end, seconds.
     span_s: [f64; 2],
-    /// How far they are from it, metres.
+    /// How far the lips remain from touching, metres.
     left: f64,
 }
 
-/// How far lips go to touching in each frame, `[T]`, 0 to 1.
+/// The share of the way to touching that lips go in each frame, `[T]`, 0 to 1.
 ///
-/// `openings` `[T]`: how far they are from touching, metres. A contact that is heard lies where the opening is
-/// smallest meanwhile, so that the motion keeps its own time. Around it the opening stays below what lips can reach:
-/// they speed up evenly and then move at their fastest, as those of the recorded speaker. No contact falls into a
-/// frame that is `free`.
+/// `openings` `[T]`: how far the lips are from touching, metres. A heard contact is placed where the
+/// opening is smallest within it, so that the motion keeps its own timing. Around it the opening stays
+/// below what lips can reach: they speed up evenly and then move at the greatest speed of the recorded
+/// speaker. No contact is placed in a frame that is `free`.
 pub fn approach(openings: &[f32], contacts: &[Contact], fps: f64, free: &[bool]) -> Vec<f32> {
     let touches = contacts.iter().filter_map(|contact| {
         let span_s = touch(openings, contact, fps);
@@ -61,9 +61,11 @@ pub fn approach(openings: &[f32], contacts: &[Contact], fps: f64, free: &[bool])
     shares
 }
 
-/// How far lips whose `openings` `[T]` were changed go to touching, `[T]`, 0 to 1, so that near frames where they
-/// were closed in `before` `[T]` they come and part on the same path, or on their own where that is faster; nowhere faster
-/// than lips move.
+/// The share of the way to touching, `[T]`, 0 to 1, that takes changed lips back to their contacts.
+///
+/// `openings`, `before` `[T]`: how far the lips are from touching after and before the change, metres.
+/// Near frames that were closed before, the lips open no wider than on the path around a contact, or
+/// than before if that is wider. Nowhere do they move faster than lips can.
 pub fn restore_contacts(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> {
     let closed = before
         .iter()
@@ -96,7 +98,7 @@ fn slow(path: &mut [f32], step: f32) {
     }
 }
 
-/// How wide lips can be in each frame, `[T]` metres from touching, if they touch then.
+/// The widest opening of each frame that the touches allow, `[T]`, metres from touching.
 fn widest(frames: usize, touches: impl Iterator<Item = Touch>, fps: f64) -> Vec<f64> {
     let mut widest = vec![f64::INFINITY; frames];
     for Touch { span_s, left } in touches {
@@ -112,7 +114,7 @@ fn widest(frames: usize, touches: impl Iterator<Item = Touch>, fps: f64) -> Vec<
     widest
 }
 
-/// The share that bends an opening smoothly below the widest.
+/// The share that bends an opening smoothly below `widest`.
 fn bend(opening: f32, widest: f64) -> f32 {
     if opening <= 0.0 {
         return 0.0;
@@ -125,7 +127,7 @@ fn bend(opening: f32, widest: f64) -> f32 {
     }
 }
 
-/// How far lips part in a time from touching, metres.
+/// How far lips can part within a time after touching, metres.
 fn reach_m(time_s: f64) -> f64 {
     match time_s < SPEED_UP_S {
         true => FASTEST_M_S * time_s * time_s / (2.0 * SPEED_UP_S),
@@ -133,7 +135,7 @@ fn reach_m(time_s: f64) -> f64 {
     }
 }
 
-/// From when to when lips touch in a contact, seconds; at least one frame lies between.
+/// Start and end of the touch in a contact, seconds. They lie at least one frame apart.
 fn touch(openings: &[f32], contact: &Contact, fps: f64) -> [f64; 2] {
     let Contact { start_s, end_s, .. } = *contact;
     let (middle_s, half_s) = (0.5 * (start_s + end_s), 0.5 * (end_s - start_s));
@@ -150,7 +152,8 @@ fn touch(openings: &[f32], contact: &Contact, fps: f64) -> [f64; 2] {
     [at_s - touching_s, at_s + touching_s]
 }
 
-/// When the opening is smallest between two times, seconds: the mean of the frames that are near it, weighed.
+/// Time of the smallest opening between two times, seconds. It is a weighted mean of the frames,
+/// in which those with nearly the smallest opening count most.
 fn smallest(openings: &[f32], [from_s, to_s]: [f64; 2], fps: f64) -> Option<f64> {
     let first = (from_s * fps).ceil().max(0.0) as usize;
     let end = ((to_s * fps).floor() as usize + 1).min(openings.len());
@@ -165,16 +168,16 @@ fn smallest(openings: &[f32], [from_s, to_s]: [f64; 2], fps: f64) -> Option<f64>
     (sum > 0.0).then(|| moment / sum / fps)
 }
 
-/// The path of lips that part, for motion that comes frame by frame: what comes next is not known.
+/// The path of parting lips in motion that comes frame by frame, so that later frames are unknown.
 #[derive(Debug, Clone, Copy)]
 pub struct Parting {
-    /// How long ago lips last touched, seconds, and how far they were from it then, metres.
+    /// How long ago the lips last touched, seconds, and how far from touching they were then, metres.
     last: Option<(f64, f64)>,
     step_s: f64,
 }
 
 impl Parting {
-    /// Lips that have not touched yet, in motion of so many frames a second.
+    /// Lips that have not touched yet, in motion of `fps` frames a second.
     pub fn new(fps: f64) -> Parting {
         Parting {
             last: None,
@@ -182,8 +185,8 @@ impl Parting {
         }
     }
 
-    /// How far lips that are `opening` metres from touching go to it in the next frame, 0 to 1; the sound asks for
-    /// `share`.
+    /// The share of the way to touching that lips go in the next frame, 0 to 1. `opening`: how far they
+    /// are from touching, metres. `share`: the share that the sound asks for.
     pub fn next(&mut self, opening: f32, share: f32) -> f32 {
         let step_s = self.step_s;
         let last = self.last.map(|(time_s, left)| (time_s + step_s, left));
@@ -214,7 +217,7 @@ mod tests {
         }
     }
 
-    /// What is left of 12 mm, metres.
+    /// The opening that remains of 12 mm, metres.
     fn left(contacts: &[Contact], fps: f64, frames: usize) -> Vec<f32> {
         let openings = vec![0.012; frames];
         let shares = approach(&openings, contacts, fps, &[]);

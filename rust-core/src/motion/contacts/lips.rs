@@ -1,4 +1,4 @@
-//! Lips that meet, in landmarks.
+//! Closes lips in landmarks.
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
@@ -10,23 +10,24 @@ use crate::{
     speech::LipClosures,
 };
 
-/// Opening over that of the neutral face at which lips touch in speech, metres.
+/// Gap at which lips touch in speech, metres more than in the neutral face.
 pub const TOUCHING_M: f32 = -0.5e-3;
-/// Of each outer pair the inner pair that it follows, and how far.
+/// For each outer pair: the inner pair that it follows, and by which share.
 const FOLLOWS: [(usize, f32); 5] = [(0, 0.4), (0, 0.8), (1, 1.0), (2, 0.8), (2, 0.4)];
-/// Part of a closing motion that the upper lip makes.
+/// The upper lip's part of a closing motion.
 const UPPER_SHARE: f32 = 0.35;
-/// How far the chin hangs below rest where lips touch, metres: a jaw above the first stays, none is below the second.
-/// grid_s1's tracked speaker has 3.5 mm (median) and 5.5 mm (95 %) there.
+/// How far the chin hangs below its rest position where lips touch, metres. A chin above the first
+/// bound stays; no chin hangs below the second. grid_s1's tracked speaker has 3.5 mm (median) and
+/// 5.5 mm (95 %) there.
 const CHIN_DROP_M: [f32; 2] = [4e-3, 6e-3];
 /// Time in which the jaw rises before a contact and falls after it, seconds.
 const JAW_S: f64 = 0.1;
 
 /// Closes the lips of a clip where `closures` says so.
 ///
-/// The jaw rises where it hangs lower than under lips that touch. Then the gap of each inner pair goes its share
-/// ([`approach`]) of the way to where lips touch, and one lip comes forward to the other. No gap grows, and the
-/// corners stay.
+/// Where the jaw hangs too low for touching lips, it rises. Then the gap of each inner pair narrows
+/// by its share ([`approach`]) of the way to touching, and the two lips meet in depth too. No gap
+/// grows, and the corners stay.
 ///
 /// # Errors
 /// `Weights` for modes without the jaw.
@@ -46,13 +47,13 @@ pub fn close_lips(
     Ok(())
 }
 
-/// How far the lips of a frame `[68, 3]` are from touching at the widest pair, metres.
+/// How far the lips of a frame `[68, 3]` are from touching, at the pair that is widest open, metres.
 pub fn opening(face: ArrayView2<'_, f32>) -> f32 {
     let apart = |(upper, lower): (usize, usize)| face[[upper, 1]] - face[[lower, 1]] - TOUCHING_M;
     INNER_LIPS.into_iter().map(apart).fold(0.0, f32::max)
 }
 
-/// Moves the lips of a frame `[68, 3]` a share of the way to touching.
+/// Moves the lips of a frame `[68, 3]` by a share of the way to touching.
 pub fn narrow(face: &mut ArrayViewMut2<'_, f32>, share: f32) {
     if share == 0.0 {
         return;
@@ -75,7 +76,7 @@ pub fn narrow(face: &mut ArrayViewMut2<'_, f32>, share: f32) {
     }
 }
 
-/// Raises the jaw's line around frames in which lips touch.
+/// Raises the jaw line around frames in which lips touch.
 fn raise_jaw(clip: &mut LandmarkClip, shares: &[f32], modes: &FaceModes) -> Result<()> {
     let jaw = modes.mode("jawOpen")?;
     let around = (JAW_S * clip.fps).ceil() as usize;
@@ -104,7 +105,7 @@ fn raise_jaw(clip: &mut LandmarkClip, shares: &[f32], modes: &FaceModes) -> Resu
     Ok(())
 }
 
-/// How much of a chin's drop is more than lips that touch allow, metres.
+/// How far a chin drops below what touching lips allow, metres.
 fn too_low(drop: f32) -> f32 {
     let [free, most] = CHIN_DROP_M;
     let room = most - free;
@@ -255,7 +256,7 @@ mod tests {
         let mut probability = [0.0; 50];
         (probability[10], probability[30]) = (0.9, 0.9);
         let heard = LipClosures::heard(&probability, 25.0);
-        // The first is moved by a fifth of a second, the second goes.
+        // The first closure moves by a fifth of a second; the second one is removed.
         let mended = heard.mended(&[[0.58, 0.62]]);
         let mut clip = open(50, 25.0);
         close_lips(&mut clip, &mended);

@@ -1,7 +1,7 @@
-//! What lips do where the sound says so: they touch in p, b, m, f, v and come forward in u, o, w.
+//! Makes the lips touch in p, b, m, f, v and come forward in u, o, w, where the sound says so.
 //!
-//! Whatever is trained by squared error blurs a contact, which lasts a frame or two; what hears it
-//! ([`LipContacts`]) does not.
+//! A contact lasts a frame or two. A network trained on squared error blurs it; the network that
+//! detects contacts ([`LipContacts`]) does not.
 
 mod approach;
 mod lips;
@@ -17,10 +17,10 @@ pub use rounding::{forward, shortfall};
 pub use teeth::{AT_TEETH_M, LIP, distance, excess};
 
 impl LandmarkClip {
-    /// Rounds the lips for u, o, w, brings the lower lip to the upper teeth for f and v, and the lips together for p,
-    /// b, m.
+    /// Rounds the lips for u, o, w, brings the lower lip to the upper teeth for f and v, and brings the
+    /// lips together for p, b, m.
     ///
-    /// Frames far from a contact stay as the network says, which moves as recorded lips do.
+    /// Frames far from a contact keep the network's motion, which resembles that of recorded lips.
     ///
     /// # Errors
     /// `Weights` for modes without the jaw.

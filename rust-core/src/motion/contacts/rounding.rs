@@ -1,4 +1,4 @@
-//! Lips that come forward where the sound says u, o, w and their like.
+//! Brings the lips forward where the sound says u, o, w and the like.
 
 use ndarray::ArrayView2;
 
@@ -9,14 +9,14 @@ use crate::{
     speech::LipRounding,
 };
 
-/// How far lips come forward in the roundest vowel, metres: the mean of facegood_zh's speaker in frames of u, over what
-/// his jaw takes back.
+/// How far lips come forward in the roundest vowel, metres. It is the mean of facegood_zh's speaker
+/// in frames of u, relative to where his jaw alone would draw the lips.
 pub const ROUND_M: f32 = 3.3e-3;
 
-/// Brings the lips of a clip forward where they are rounded, by as much of `mouthPucker` as they fall short.
+/// Brings the lips of a clip forward where they are rounded, by as much `mouthPucker` as is missing.
 ///
 /// # Errors
-/// `Weights` for modes without it or the jaw.
+/// `Weights` for modes without `mouthPucker` or the jaw.
 pub fn round_lips(
     clip: &mut LandmarkClip,
     rounding: &LipRounding,
@@ -42,7 +42,7 @@ pub fn shortfall(degree: f32, forward_m: f32) -> f32 {
     (degree * ROUND_M - forward_m.max(0.0)).max(0.0)
 }
 
-/// How far forward the lips of a frame `[68, 3]` are in the mean, metres.
+/// How far forward the lips of a frame `[68, 3]` are on average, metres.
 pub fn forward(face: ArrayView2<'_, f32>) -> f32 {
     let sum: f32 = MOUTH.map(|n| face[[n, 2]]).sum();
     sum / MOUTH.len() as f32

@@ -1,14 +1,14 @@
-//! The lower lip at the upper teeth, in landmarks.
+//! Brings the lower lip to the upper teeth, in landmarks.
 
 use super::approach;
 use crate::{motion::LandmarkClip, speech::LipClosures};
 
-/// Where the lower lip's middle is in f and v, from where it rests, metres downward and forward: the medians of
-/// grid_s1's tracked speaker in 387 of them, none of a held-out clip.
+/// Position of the middle of the lower lip in f and v relative to rest, metres downward and forward.
+/// Medians of 387 f and v of grid_s1's tracked speaker, none of them from a held-out clip.
 pub const AT_TEETH_M: [f32; 2] = [1.4e-3, -2.0e-3];
 /// The inner rim of the lower lip's middle.
 pub const LIP: usize = 66;
-/// What moves with it, and how far.
+/// The landmarks that move with it, and their shares of its motion.
 const FOLLOWS: [(usize, f32); 8] = [
     (66, 1.0),
     (65, 0.8),
@@ -20,7 +20,8 @@ const FOLLOWS: [(usize, f32); 8] = [
     (59, 0.3),
 ];
 
-/// Brings the lower lip of a clip up and back to the teeth where f or v is `heard`, never farther from them.
+/// Brings the lower lip of a clip up and back to the teeth where f or v is `heard`. It never moves the
+/// lip away from them.
 pub fn reach_teeth(clip: &mut LandmarkClip, heard: &LipClosures) {
     let away: Vec<[f32; 2]> = clip
         .displacements
@@ -38,12 +39,12 @@ pub fn reach_teeth(clip: &mut LandmarkClip, heard: &LipClosures) {
     }
 }
 
-/// How much farther down and forward than at the teeth the lip is, metres.
+/// How far the lip is below and in front of its position at the teeth, metres; at least 0.
 pub fn excess(place: [f32; 2]) -> [f32; 2] {
     [0, 1].map(|axis| (place[axis] - AT_TEETH_M[axis]).max(0.0))
 }
 
-/// How far that is, metres.
+/// Length of that way, metres.
 pub fn distance(excess: &[f32; 2]) -> f32 {
     excess[0].hypot(excess[1])
 }

@@ -1,4 +1,4 @@
-//! Neutral speech to the same with its expression.
+//! Adds an expression to neutral speech.
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
@@ -18,24 +18,25 @@ use crate::{
     },
 };
 
-/// Deviation of the smoothing that slurs speech, seconds.
+/// Standard deviation of the smoothing that slurs speech, seconds.
 pub(super) const SLUR_S: f64 = 0.08;
-/// Share of what parts the lips that is gone where they close.
+/// Share of an expression's parting of the lips that a closure takes away.
 const YIELD: f32 = 0.7;
-/// How far an expression closes the lids without bending, and at most; a blink closes the rest.
+/// An expression closes the lids in proportion up to the first bound, then ever less, and never beyond
+/// the second. A blink closes the rest.
 const LIDS_LINEAR: f32 = 0.65;
 const LIDS_MOST: f32 = 0.9;
 
-/// How far an expression brings one end of an eye ahead of the other on the way to closing, metres.
+/// The most by which one end of an eye may be ahead of the other as an expression closes it, metres.
 const UNEVEN_M: f32 = 0.25e-3;
 
-/// Lips that rest count as so far apart, metres: an expression may part them.
+/// Added to the opening of resting lips, metres, so that an expression may part them.
 const AT_REST_M: f32 = 0.1;
 
-/// All that an expression needs to know of one frame.
+/// Everything about one frame that an expression needs.
 pub(super) struct Moment {
     pub(super) strengths: Strengths,
-    /// Factors on the regions.
+    /// Factors on the regions of the face.
     pub(super) regions: [f32; 4],
     /// 1 at a closure.
     pub(super) yielding: f32,
@@ -44,8 +45,8 @@ pub(super) struct Moment {
 }
 
 impl Expressions {
-    /// Adds the expression that `cues` ask for to motion that speaks neutrally; where nothing is shown,
-    /// no bit changes.
+    /// Adds the expression of `cues` to motion that speaks neutrally. If the whole clip is neutral, no
+    /// bit changes.
     ///
     /// # Errors
     /// `Weights` where `modes` lack the lids.
@@ -80,7 +81,8 @@ impl Expressions {
         Ok(())
     }
 
-    /// One frame: the manner of speaking, the expression, lips and lids that do not pass.
+    /// Shows the expression in one frame: changes the manner of speaking, displaces the landmarks, and
+    /// keeps lips and lids from passing through each other.
     ///
     /// `frame`, `smooth`: `[68, 3]`, canonical metres, as spoken and smoothed over time.
     pub(super) fn show(
@@ -128,7 +130,7 @@ fn is_shown(strengths: &Strengths) -> bool {
     strengths[1..].iter().any(|strength| *strength > 0.0)
 }
 
-/// A closure of the lids, 1 where they meet, that comes no nearer to that than [`LIDS_MOST`].
+/// Bends a closure of the lids (1: they meet) so that it never exceeds [`LIDS_MOST`].
 fn bent(closure: f32) -> f32 {
     let room = LIDS_MOST - LIDS_LINEAR;
     match closure > LIDS_LINEAR {

@@ -1,4 +1,4 @@
-//! The same frame by frame, without knowing what comes.
+//! Adds expressions frame by frame, without knowing later frames.
 
 use std::sync::Arc;
 
@@ -21,18 +21,18 @@ use crate::{
     },
 };
 
-/// So long after the last sound the lips rest, seconds.
+/// The lips rest this long after the last sound, seconds.
 const REST_AFTER_S: f64 = 0.35;
-/// How fast the lips leave rest and come to it, per second.
+/// How fast the lips leave rest and return to it, per second.
 const WAKE_PER_S: f32 = 8.0;
 const REST_PER_S: f32 = 3.0;
-/// Time constant with which what parts the lips comes back after a closure, seconds.
+/// Time constant with which the parting of the lips returns after a closure, seconds.
 const RELEASE_S: f64 = 0.06;
 
-/// Adds expressions to a stream of frames; a change of emotion acts on the frame that comes next.
+/// Adds expressions to a stream of frames. A change of emotion acts from the next frame on.
 ///
-/// Differs from [`Expressions::add`]: stressed syllables do not count, for they stand out only of what
-/// follows, speech is slurred by what was, and the lips rest when the sound does.
+/// Unlike [`Expressions::add`], it ignores stressed syllables, because only later sound shows that a
+/// syllable stands out. It slurs speech with past frames alone, and the lips rest when the sound does.
 pub struct CausalExpression {
     table: Arc<Expressions>,
     modes: Arc<FaceModes>,
@@ -41,14 +41,14 @@ pub struct CausalExpression {
     wandering: Wandering,
     gestures: Gestures,
     gesture_modes: GestureModes,
-    /// What was spoken, smoothed with a pole at [`SLUR_S`]: `[68, 3]`, canonical metres.
+    /// The speech so far, smoothed with a pole at [`SLUR_S`]: `[68, 3]`, canonical metres.
     smooth: Option<Array2<f32>>,
     yielding: f32,
     speaking: f32,
 }
 
 impl CausalExpression {
-    /// Settled at the first frame's emotion, lips at rest.
+    /// A stream that starts at the first frame's emotion in full, with the lips at rest.
     ///
     /// # Errors
     /// `Weights` where `modes` lack a shape of the gestures.
@@ -68,7 +68,7 @@ impl CausalExpression {
         })
     }
 
-    /// Adds the expression to the next frame. `quiet_s`: for how long nobody has spoken.
+    /// Adds the expression to the next frame. `quiet_s`: how long nobody has spoken, seconds.
     pub fn add(&mut self, frame: &mut LandmarkFrame, emotion: &Emotion, quiet_s: f64) {
         let time_s = frame.index as f64 / self.fps;
         let flat = frame.displacements.as_flattened_mut();
@@ -92,7 +92,7 @@ impl CausalExpression {
         lips::hold(&mut frame, shown.view(), 1.0);
     }
 
-    /// Follows what is spoken.
+    /// Updates the smoothed speech, how much the lips speak and how far they yield, from a spoken frame.
     fn hear(&mut self, frame: &ArrayViewMut2<'_, f32>, quiet_s: f64) {
         let keep = |time_s: f64| (-1.0 / (time_s * self.fps)).exp() as f32;
         let (slur, release) = (keep(SLUR_S), keep(RELEASE_S));

@@ -1,4 +1,4 @@
-//! How an expression comes, stays and goes.
+//! How the strength of an expression rises, holds and falls over time.
 
 use ndarray::{ArrayView2, s};
 
@@ -14,27 +14,28 @@ use crate::{
     },
 };
 
-/// A critically damped motion has done nine tenths of its way after so many time constants.
+/// A critically damped motion has gone nine tenths of its way after this many time constants.
 const TIME_CONSTANTS: f64 = 3.89;
-/// A strength below this whose target is 0 becomes 0.
+/// A strength below this becomes 0 if its target is 0.
 const NOTHING: f32 = 1e-3;
-/// Numbers of the wandering among the streams of a seed: the first, one for each region.
+/// First of the random streams of the wandering: one for each region, then one for the level.
 const STREAM: u64 = u64::MAX - 100;
-/// Time between the values through which a region wanders.
+/// Time between the random values through which a region wanders, seconds.
 const WANDER_S: f64 = 0.8;
-/// How far a region wanders from the level that all share, at most.
+/// How far a region wanders from the level that all regions share, at most.
 const WANDER: f32 = 0.06;
-/// Shares of the requested strength: the expression stands at an apex, sinks to a lull and comes back. A felt
-/// expression rarely stays at its height for longer than four seconds (Ekman & Friesen 1982). The mean over time is the
-/// requested strength.
+/// Least and greatest strength at an apex and at a lull, as shares of the requested strength. The
+/// expression holds an apex, sinks to a lull and comes back, because a felt expression rarely stays at
+/// its height for longer than four seconds (Ekman & Friesen 1982). The mean over time is the requested
+/// strength.
 const APEX: (f64, f64) = (1.04, 1.2);
 const LULL: (f64, f64) = (0.62, 0.86);
-/// How long it stands at each, how long it takes to sink and to rise, least and most, seconds.
+/// Least and greatest time that it holds each, and that it takes to sink and to rise, seconds.
 const APEX_S: (f64, f64) = (0.9, 3.0);
 const LULL_S: (f64, f64) = (0.4, 1.4);
 const SINK_S: (f64, f64) = (0.7, 1.2);
 const RISE_S: (f64, f64) = (0.4, 0.7);
-/// How much a stressed syllable adds for each deviation of prominence, and at most.
+/// How much a stressed syllable adds per standard deviation of prominence, and at most.
 const ACCENT: f32 = 0.08;
 const MOST_ACCENT: f32 = 0.14;
 /// Brows; lids; nose; jaw and mouth.
@@ -90,21 +91,22 @@ impl Damped {
     }
 }
 
-/// The strength of an expression over time as a share of the requested strength. The whole face goes from apex to lull
-/// and back, and each region wanders a little by itself. The same seed gives the same values.
+/// The strength of an expression over time as a share of the requested strength. The whole face goes
+/// from apex to lull and back, and each region wanders a little by itself. The same seed gives the same
+/// values.
 pub(super) struct Wandering {
     level: Level,
     regions: [Wanderer; REGIONS],
 }
 
-/// Apexes and lulls in turn, read at rising times.
+/// Alternates between apexes and lulls. Times must not fall from call to call.
 struct Level {
     chance: Chance,
     is_apex: bool,
-    /// The level here and the one that it goes to.
+    /// The current level and the next one.
     here: f64,
     next: f64,
-    /// When it begins to go there, and how long that takes, seconds.
+    /// When it leaves the current level, and how long the way to the next one takes, seconds.
     leave_s: f64,
     way_s: f64,
 }
@@ -145,10 +147,10 @@ impl Level {
     }
 }
 
-/// A smooth curve through random values, read at rising times.
+/// A smooth curve through random values. Times must not fall from call to call.
 struct Wanderer {
     chance: Chance,
-    /// Number of the value before now.
+    /// Index of the value before the current time.
     index: usize,
     before: f32,
     after: f32,
@@ -173,7 +175,7 @@ impl Wandering {
         }
     }
 
-    /// Factors on each region's expression at a time that does not lie before the last one.
+    /// Factors on the expression of each region. `time_s` must not lie before that of the last call.
     pub(super) fn at(&mut self, time_s: f64) -> [f32; REGIONS] {
         let (level, place) = (self.level.at(time_s), time_s / WANDER_S);
         std::array::from_fn(|region| level + WANDER * self.regions[region].at(place))
@@ -192,7 +194,7 @@ impl Wanderer {
     }
 }
 
-/// What the region of landmark `n` is among the factors of [`Wandering::at`].
+/// Index of the region of landmark `n` among the factors of [`Wandering::at`].
 pub(super) fn region(n: usize) -> usize {
     debug_assert!(n < LANDMARKS);
     match n {
@@ -203,7 +205,7 @@ pub(super) fn region(n: usize) -> usize {
     }
 }
 
-/// Where stressed syllables make an expression grow; their shape is that of raises of the brows.
+/// Accents that let an expression grow on stressed syllables, shaped like brow raises.
 pub(super) fn accents(prosody: &Prosody) -> Vec<BrowAccent> {
     let stressed = prominences(prosody)
         .into_iter()
@@ -216,7 +218,7 @@ pub(super) fn accents(prosody: &Prosody) -> Vec<BrowAccent> {
         .collect()
 }
 
-/// What the strongest accent of an instant adds to an expression of 1.
+/// What the strongest accent at a time adds to the factors on an expression.
 pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
     let from = accents.partition_point(|accent| accent.end_s() < time_s);
     let near = accents[from..]
@@ -226,7 +228,8 @@ pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
 }
 
 impl Expressions {
-    /// The strengths `[T]` that the face shows of `affect` `[T, 16]`, at rest at the start.
+    /// The strengths `[T]` with which the face follows `affect` `[T, 16]`. They start at the first target,
+    /// without motion.
     pub(in crate::motion) fn followed(
         &self,
         affect: ArrayView2<'_, f32>,

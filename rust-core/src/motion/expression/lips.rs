@@ -1,4 +1,4 @@
-//! Lips that speech closes stay closed under an expression.
+//! Keeps lips that speech closes closed under an expression.
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
@@ -10,11 +10,11 @@ use crate::{
     },
 };
 
-/// Lips that are closed for longer than this rest: an expression may part them.
+/// Lips that stay closed for longer than this are at rest, seconds: an expression may part them.
 const REST_S: f64 = 0.6;
-/// Deviation of the way into rest and out of it.
+/// Standard deviation of the fade into rest and out of it, seconds.
 const SETTLING_S: f64 = 0.08;
-/// Deviation of the way in which what parts the lips yields to a closure.
+/// Standard deviation of the fade with which the parting of the lips yields to a closure, seconds.
 const YIELDING_S: f64 = 0.05;
 
 /// How much the lips of each frame speak, and how far they yield.
@@ -26,7 +26,7 @@ pub(super) struct Closures {
 }
 
 impl Closures {
-    /// Of neutral speech `[T, 68, 3]`, canonical metres.
+    /// Finds the closures of neutral speech `[T, 68, 3]`, canonical metres.
     pub(super) fn of(spoken: &Array3<f32>, fps: f64) -> Self {
         let frames = spoken.outer_iter();
         let closed: Vec<f32> = frames.map(|frame| closed_lips(frame.view())).collect();
@@ -40,7 +40,7 @@ impl Closures {
     }
 }
 
-/// How nearly the lips are closed, 0 to 1: the pair that is nearest to it.
+/// How nearly the lips are closed, 0 to 1, at the pair with the smallest gap.
 pub(super) fn closed_lips(frame: ArrayView2<'_, f32>) -> f32 {
     let gaps = LIP_COLUMNS.iter().map(|column| {
         let (up, low) = (column.upper[0].0, column.lower[0].0);
@@ -49,13 +49,13 @@ pub(super) fn closed_lips(frame: ArrayView2<'_, f32>) -> f32 {
     gaps.map(closedness).fold(0.0, f32::max)
 }
 
-/// Gives `frame` the gaps of `spoken` where that closes its lips while speaking, and lets no lips pass.
-/// Both `[68, 3]`, canonical metres.
+/// Gives `frame` the gaps of `spoken` where `spoken` closes the lips in speech. Lips overlap no deeper
+/// than when they touch, or than in `spoken`. Both `[68, 3]`, canonical metres.
 pub(super) fn hold(frame: &mut ArrayViewMut2<'_, f32>, spoken: ArrayView2<'_, f32>, speaking: f32) {
     keep_gap(frame, spoken, |gap| speaking * closedness(gap), TOUCHING_M);
 }
 
-/// The least or largest value within `reach` of each; ends are held.
+/// The least or largest value within `reach` frames of each value; ends are held.
 fn extreme(values: &[f32], reach: usize, of: fn(f32, f32) -> f32) -> Vec<f32> {
     let window = |t: usize| &values[t.saturating_sub(reach)..(t + reach + 1).min(values.len())];
     (0..values.len())
@@ -63,7 +63,7 @@ fn extreme(values: &[f32], reach: usize, of: fn(f32, f32) -> f32) -> Vec<f32> {
         .collect()
 }
 
-/// Gaussian smoothing with a deviation in frames; ends are held.
+/// Gaussian smoothing. `deviation`: standard deviation in frames; ends are held.
 fn gaussian(values: &[f32], deviation: f64) -> Vec<f32> {
     let reach = (3.0 * deviation).ceil() as isize;
     let weight = |k: isize| (-0.5 * (k as f64 / deviation.max(1e-9)).powi(2)).exp();

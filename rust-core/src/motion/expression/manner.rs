@@ -1,4 +1,4 @@
-//! How an emotion changes articulation itself.
+//! How an emotion changes articulation.
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 
@@ -8,7 +8,7 @@ use crate::mesh::ibug::{MOUTH, speaking};
 const SLUR: (f32, f32) = (-0.6, 0.9);
 const SMALLEST_GAIN: f32 = 0.3;
 
-/// Factors on neutral speech motion at intensity 1, or of a mixture.
+/// Factors on neutral speech motion, for an emotion at intensity 1 or for a mixture.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 pub(super) struct Manner {
     /// Scales jaw and lips up and down.
@@ -17,13 +17,13 @@ pub(super) struct Manner {
     pub(super) rounding: f32,
     /// Share of smoothed motion; negative where speech gets crisper.
     pub(super) slur: f32,
-    /// After so many seconds nine tenths of a change are there.
+    /// Nine tenths of a change are done after this time, seconds.
     pub(super) onset_s: f64,
 }
 
 impl Manner {
     /// Speaks a frame in this manner. `frame`, `smooth`: `[68, 3]`, canonical metres, as spoken and
-    /// smoothed over time; `free` is 0 where the lips close, there nothing is smoothed away.
+    /// smoothed over time. `free` is 0 where the lips close, so that smoothing does not blur a closure.
     pub(super) fn speak(
         &self,
         frame: &mut ArrayViewMut2<'_, f32>,

@@ -1,11 +1,11 @@
 //! Expressions of emotions, added to motion that speaks neutrally.
 //!
-//! A table says what each emotion does to the face and to articulation. Added after sampling, an
-//! expression has exactly the strength that was asked for: networks trained by squared error show two
-//! thirds of it. What lasts through speech (brows, lids, nose, corners) is simply added; what parts or
-//! stretches the lips yields where they close, and lips that speech closes stay closed. Strengths follow
-//! what is asked with an onset and a slower offset, wander a little at the apex and grow on stressed
-//! syllables.
+//! A table holds the effect of each emotion on the face and on articulation. An expression added after
+//! sampling has exactly the requested strength, whereas networks trained on squared error show two
+//! thirds of it. Motion that lasts through speech (brows, lids, nose, corners) is simply added. Motion
+//! that parts or stretches the lips yields where they close, and lips that speech closes stay closed.
+//! Strengths follow the request with an onset and a slower offset, wander a little at the apex and grow
+//! on stressed syllables.
 
 mod apply;
 mod causal;
@@ -23,7 +23,7 @@ pub use table::{Expressions, MODEL};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EmotionOrigin {
-    /// The network was trained on emotional motion, and shows what it is asked for.
+    /// The network was trained on emotional motion and shows the requested emotion.
     #[default]
     Learned,
     /// The network speaks neutrally; its motion needs an expression.

@@ -1,4 +1,4 @@
-//! What each emotion does to the face, and how it speaks, as the model folder states them.
+//! The table of expressions in the model folder: what each emotion does to the face and to speech.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -13,7 +13,7 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Its built-in weights.
+/// The built-in weights of the table.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EXPRESSIONS);
 
 /// The expression of every emotion at intensity 1 and its manner of speaking.
@@ -27,7 +27,7 @@ pub struct Expressions {
     pub(super) opening: Array2<f32>,
     /// `[15]`.
     pub(super) manners: Vec<Manner>,
-    /// How much longer an emotion takes to go than to come.
+    /// How many times longer an emotion takes to go than to come.
     pub(super) offset_over_onset: f64,
 }
 
@@ -71,9 +71,10 @@ impl Expressions {
         })
     }
 
-    /// What a lasting mixture does to a face that does not speak, `[68, 3]`, canonical metres.
+    /// The displacements of a face that does not speak, under a constant mixture, `[68, 3]`, canonical
+    /// metres.
     ///
-    /// `strengths`: of each emotion, 1 is its full expression.
+    /// `strengths`: one for each emotion; 1 is its full expression.
     pub fn whole(&self, strengths: &[f32; EMOTIONS.len()]) -> Array2<f32> {
         let strengths = ndarray::aview1(strengths);
         let moved = strengths.dot(&self.lasting) + strengths.dot(&self.opening);
@@ -83,10 +84,10 @@ impl Expressions {
             .expect("three axes a landmark")
     }
 
-    /// The same over time without anything that speech does to it, `[T, 68, 3]`.
+    /// The expression over time on a face that does not speak, `[T, 68, 3]`, canonical metres.
     ///
-    /// `affect`: `[T, 16]`, mixture and intensity. This is what speech is told from where a network
-    /// learned emotion itself.
+    /// `affect`: `[T, 16]`, mixture and intensity. Where a network learned emotion itself, subtracting this
+    /// from its motion leaves the speech.
     pub fn alone(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Array3<f32> {
         let strengths = self.followed(affect, fps);
         let mut out = Array3::zeros((strengths.len(), LANDMARKS, 3));
@@ -98,7 +99,7 @@ impl Expressions {
 }
 
 impl Expressions {
-    /// How a mixture speaks; its onset is that of neutral.
+    /// The manner of speaking of a mixture. Its onset is that of neutral.
     pub(super) fn manner(&self, strengths: &Strengths) -> Manner {
         let mut mixed = Manner {
             opening: 1.0,

@@ -1,4 +1,4 @@
-//! Facts about expressions on landmarks.
+//! Properties of expressions on landmarks.
 
 use std::{ops::Range, sync::Arc};
 
@@ -41,7 +41,7 @@ fn still(frames: usize) -> LandmarkClip {
     }
 }
 
-/// A jaw that drops by 14 mm three times a second and lips that close in between, which press by 0.3 mm.
+/// A jaw that drops by 14 mm three times a second. In between the lips close and press by 0.3 mm.
 fn talking(seconds: f64) -> LandmarkClip {
     let (modes, mut clip) = (modes(), still((seconds * FPS) as usize));
     let jaw = modes.mode("jawOpen").unwrap();
@@ -104,11 +104,12 @@ fn inner_gaps(frame: ArrayView2<'_, f32>) -> [f32; 3] {
     })
 }
 
-/// Motion in mm: of both landmarks up, in the mean; and how much further they are apart.
+/// Mean upward motion of both landmarks, mm.
 fn up(face: &Array2<f32>, pair: [usize; 2]) -> f32 {
     500.0 * (face[[pair[0], 1]] + face[[pair[1], 1]])
 }
 
+/// How much further two landmarks are apart than in the neutral face, mm.
 fn apart(face: &Array2<f32>, right: usize, left: usize) -> f32 {
     1e3 * (face[[left, 0]] - face[[right, 0]])
 }
@@ -171,7 +172,7 @@ fn a_resting_face_shows_all_that_is_asked_and_half_more_of_it_at_one_and_a_half(
         };
         let [full, most] = [1.0, 1.5].map(shown);
         assert!((0.95..1.06).contains(&full), "{emotion}: {full}");
-        // Lips that press and lids that nearly close give less.
+        // Pressed lips and nearly closed lids move less.
         assert!((1.4..1.58).contains(&most), "{emotion}: {most}");
     }
 }
@@ -243,7 +244,7 @@ fn lids_never_cross_even_where_they_blink_at_full_strength() {
     }
 }
 
-/// Frames until a step of the left brow is done to `share`, from frame `from` on.
+/// Frames from `from` on until a step of the left brow has gone `share` of its way.
 fn frames_until(track: &[f32], from: usize, share: f32) -> usize {
     let (start, end) = (track[from - 1], *track.last().unwrap());
     let reached = |x: &f32| ((x - start) / (end - start)) >= share;
@@ -380,7 +381,7 @@ fn causal() -> CausalExpression {
     CausalExpression::new(Arc::new(table()), Arc::new(modes()), FPS).unwrap()
 }
 
-/// What a stream shows of a clip whose voice is heard throughout.
+/// What a stream makes of a clip whose voice is heard throughout.
 fn streamed(clip: &LandmarkClip, emotion: impl Fn(usize) -> Emotion) -> Array3<f32> {
     let mut expression = causal();
     let mut out = clip.displacements.clone();

@@ -1,4 +1,4 @@
-//! Controls put on sampled weights.
+//! Applies an artist's controls to sampled weights.
 
 use ndarray::{Array1, ArrayView2, ArrayView3};
 
@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// What speech moves; smiles, frowns and dimples are expression.
+/// Stems of the shapes that speech moves. Smiles, frowns and dimples belong to expression.
 const SPEECH: [&str; 13] = [
     "jaw",
     "mouthClose",
@@ -34,44 +34,46 @@ const SPEECH: [&str; 13] = [
     "mouthRight",
     "cheekPuff",
 ];
-/// What rounds the lips.
+/// Stems of the shapes that round the lips.
 const ROUND: [&str; 2] = ["mouthFunnel", "mouthPucker"];
 const UPPER: [&str; 4] = ["brow", "eye", "cheekSquint", "noseSneer"];
-/// What is stronger on one side where that is asked for.
+/// Stems of the shapes that `asymmetry` makes stronger on one side.
 const LOPSIDED: [&str; 4] = ["brow", "mouthSmile", "mouthFrown", "mouthDimple"];
 const MOST_LOPSIDED: f32 = 0.5;
 /// Largest weight of a performance: emotions go up to 1.5 of an expression.
 const MOST: f32 = 1.5;
-/// A brow accent of weight 1 on the shapes that raise brows.
+/// The shapes that raise the brows in a brow accent.
 const RAISING: [&str; 3] = ["browInnerUp", "browOuterUpLeft", "browOuterUpRight"];
-/// Lids of the subject's right and left eye, and what opens them.
+/// For the subject's right and left eye, the shape that closes the lids and the one that opens them
+/// wide.
 const BLINKS: [[&str; 2]; 2] = [
     ["eyeBlinkRight", "eyeWideRight"],
     ["eyeBlinkLeft", "eyeWideLeft"],
 ];
 
-/// How a performance of weights was said.
+/// The conditions of a performance of weights: its emotion, its speech and its seed.
 #[derive(Debug, Clone, Copy)]
 pub struct WeightCues<'a> {
     /// `[T, 16]` at the clip's rate: a mixture of 15 emotions and an intensity.
     pub affect: ArrayView2<'a, f32>,
-    /// The same for the times of blinks, which stay where only the emotion's strength is changed.
+    /// The same for the times of blinks. They stay the same if only the emotion's strength changes.
     pub blink_affect: ArrayView2<'a, f32>,
     /// How fast each emotion comes and goes.
     pub expressions: &'a Expressions,
     /// How the speech was said.
     pub prosody: &'a Prosody,
-    /// Take away everything that speech did not cause.
+    /// Leaves out the upper face, gestures, accents, blinks and variety, which speech does not
+    /// cause.
     pub speech_only: bool,
-    /// Same seed, same blinks, accents and variety.
+    /// The same seed gives the same blinks, accents and variety.
     pub seed: u64,
 }
 
 impl WeightClip {
-    /// The clip with `controls` put on it: smoothing, variety, articulation with effort, jaw, rounding and width,
-    /// the upper face's scale, brow accents, asymmetry, blinks. Head and gaze are no weights: see
-    /// [`crate::motion::Life`]. Lips that have to meet are brought together afterwards, by
-    /// [`super::LipGaps`].
+    /// Applies `controls` to the clip: smoothing, variety, articulation with effort, jaw, rounding
+    /// and width, the upper face's scale, brow accents, asymmetry, blinks. Head and gaze are not
+    /// weights; see [`crate::motion::Life`]. Afterwards [`super::LipGaps`] brings lips together
+    /// that have to meet.
     ///
     /// # Errors
     /// `InvalidInput` for a control out of range, `Weights` for a name that is none of ARKit's.
@@ -133,7 +135,7 @@ impl WeightClip {
         for (mut row, strengths) in self.weights.outer_iter_mut().zip(&strengths) {
             let weights = gestures.step(strengths, 1.0 / self.fps);
             for ([right, left], [to_right, to_left]) in columns.iter().zip(weights) {
-                // A shape that moves both sides gets half of each.
+                // A shape that moves both sides gets half of each side's weight.
                 let share = if right == left { 0.5 * size } else { size };
                 for (column, weight) in [(right, to_right), (left, to_left)] {
                     if let (Some(column), true) = (column, weight != 0.0) {
@@ -171,8 +173,8 @@ impl WeightClip {
         }
     }
 
-    /// Adds to what closes the lids already, so that they meet and never pass each other. Shapes that open the lids
-    /// wide get less weight.
+    /// Closes the lids further than other shapes already do, so that they meet and never pass each
+    /// other. Shapes that open the lids wide get less weight.
     fn blink(&mut self, modes: &FaceModes, blinks: &[Blink]) -> Result<()> {
         let closing = closing_of(modes, &self.names)?;
         let (frames, fps) = (self.weights.nrows(), self.fps);
@@ -194,8 +196,8 @@ impl WeightClip {
         Ok(())
     }
 
-    /// Lets the lids go with eyes that look up or down, `gaze` as [`crate::motion::Life::gaze`]; lids that are
-    /// closed stay closed.
+    /// Moves the lids with eyes that look up or down. Closed lids stay closed. `gaze` is as in
+    /// [`crate::motion::Life::gaze`].
     ///
     /// # Errors
     /// `Weights` for a name that is none of ARKit's.

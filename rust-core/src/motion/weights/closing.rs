@@ -1,4 +1,4 @@
-//! Lips that meet, in weights of shapes.
+//! Brings lips together by the weights of shapes.
 
 use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut1, s};
 
@@ -11,14 +11,15 @@ use super::{
 };
 use crate::{Result, mesh::ibug::INNER_LIPS, speech::LipClosures};
 
-/// How much farther than where they touch lips may be pressed, metres: beyond that one goes through the other.
+/// How much farther than their contact the lips may be pressed, metres. Any farther, one passes
+/// through the other.
 const PRESSED_M: f32 = 0.3e-3;
 const CLOSE: &str = "mouthClose";
-/// A shape that moves no lip farther has no say.
+/// A shape that changes no gap between the lips by more than this is left alone, metres.
 const STILL_M: f32 = 0.1e-3;
 const PAIRS: usize = INNER_LIPS.len();
 
-/// By how much each shape parts the lips of one head.
+/// How far each shape parts the lips of one head.
 ///
 /// ```
 /// use anyface::{motion::{FaceModes, LipGaps, WeightClip}, speech::LipClosures, rig::ARKIT};
@@ -34,15 +35,16 @@ const PAIRS: usize = INNER_LIPS.len();
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipGaps {
-    /// `[S, 3, 2]`, by how much each shape at weight 1 parts each inner pair in height and in depth, metres.
+    /// `[S, 3, 2]`, how far each shape at weight 1 parts each inner pair in height and in depth,
+    /// metres.
     gaps: Array3<f32>,
-    /// `[S, 6]`, by how much each shape at weight 1 moves the corners of the mouth, metres.
+    /// `[S, 6]`, how far each shape at weight 1 moves the corners of the mouth, metres.
     corners: Array2<f32>,
     close: Option<usize>,
 }
 
 impl LipGaps {
-    /// Of the mean face.
+    /// The gaps of the mean face.
     ///
     /// # Errors
     /// `Weights` for a name that is none of ARKit's.
@@ -50,7 +52,7 @@ impl LipGaps {
         Ok(LipGaps::new(modes.of_shapes(names)?.view(), names))
     }
 
-    /// From displacements of landmarks at weight 1, `[S, 68, 3]`, canonical metres.
+    /// The gaps for landmark displacements at weight 1, `[S, 68, 3]`, canonical metres.
     pub fn new(shapes: ArrayView3<'_, f32>, names: &[String]) -> LipGaps {
         let gap = |(s, pair, axis): (usize, usize, usize)| {
             let (upper, lower) = INNER_LIPS[pair];
@@ -63,18 +65,19 @@ impl LipGaps {
         }
     }
 
-    /// The widest opening of a frame `[S]`, metres over neutral.
+    /// The widest gap between the lips in a frame `[S]`, as metres more than in the neutral face.
     pub fn largest(&self, weights: ndarray::ArrayView1<'_, f32>) -> f32 {
         let gaps: ndarray::Array1<f32> = weights.dot(&self.gaps.slice(s![.., .., 0]));
         gaps.iter().copied().fold(f32::NEG_INFINITY, f32::max)
     }
 
-    /// Brings the lips of a clip together where `closures` says so, except where an event is `over_speech`. Stores in
-    /// the clip how far.
+    /// Brings the lips of a clip together where `closures` says so, except in frames where an event
+    /// is `over_speech`. Stores in the clip how far they come together.
     ///
-    /// Every inner pair goes its share ([`approach`]) of the way to where lips touch, in height and in depth. Shapes
-    /// that part the lips get less weight and `mouthClose` gets more, by least squares with bounds (coordinate descent,
-    /// as in [`crate::rig::solve`]). The lips never open.
+    /// In each frame every inner pair goes the same share (`approach`) of the way to contact, in
+    /// height and in depth. Shapes that part the lips get less weight and `mouthClose` gets more,
+    /// by least squares with bounds (coordinate descent, as in [`crate::rig::solve`]). The lips
+    /// never open.
     pub fn close(&self, clip: &mut WeightClip, closures: &LipClosures, over_speech: &[bool]) {
         let rows = clip.weights.outer_iter();
         let openings: Vec<f32> = rows
@@ -84,8 +87,8 @@ impl LipGaps {
         self.bring_together(clip);
     }
 
-    /// The same where the clip knows how far its lips have to come together: for a head whose lips part
-    /// otherwise than those of the mean face.
+    /// The same for a clip that already stores how far its lips have to come together. For a head
+    /// whose lips part differently from those of the mean face.
     pub fn bring_together(&self, clip: &mut WeightClip) {
         let rows = clip.weights.outer_iter_mut().zip(&clip.together);
         for (mut row, share) in rows.filter(|(_, share)| **share > 0.0) {
@@ -113,14 +116,15 @@ impl LipGaps {
         reach(weights, &aims, &self.corners, &moving);
     }
 
-    /// Height and depth of each inner pair over neutral, metres.
+    /// The gap of each inner pair in height and depth, as metres more than in the neutral face.
     fn opening(&self, weights: &ArrayViewMut1<'_, f32>) -> [[f32; 2]; PAIRS] {
         std::array::from_fn(|pair| {
             [0, 1].map(|axis| weights.dot(&self.gaps.slice(s![.., pair, axis])))
         })
     }
 
-    /// What may give way, and how far it may go: shapes that are there and part the lips, and `mouthClose`.
+    /// The shapes whose weights may change, each with its largest weight: the shapes in use that
+    /// part the lips, up to their present weight, and `mouthClose`.
     fn moving(&self, weights: &ArrayViewMut1<'_, f32>) -> Vec<(usize, f32)> {
         let parts = |s: &usize| {
             let moves = self
@@ -271,7 +275,7 @@ mod tests {
         let steps = apart.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         assert!(steps.clone().all(|step| step < fastest), "{apart:?}");
         assert!(steps.fold(0.0, f32::max) > 0.5 * fastest);
-        // Far from it nothing moves.
+        // Far from the closure nothing moves.
         for t in [0, 19, 20] {
             assert_eq!(long.weights.row(t), before.row(t), "frame {t}");
         }

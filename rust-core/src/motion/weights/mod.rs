@@ -1,4 +1,4 @@
-//! Motion that is weights of ARKit's shapes: what an artist may change of it, and lips that meet.
+//! Motion as weights of ARKit's shapes: an artist's controls over it, and lips that meet.
 
 mod apply_controls;
 mod closing;
@@ -18,16 +18,16 @@ pub use apply_controls::WeightCues;
 pub use closing::LipGaps;
 pub use teeth::LowerLip;
 
-/// A shape of ARKit's that the mean face has no motion for.
+/// The shape of ARKit's for which the mean face has no motion.
 const TONGUE: &str = "tongueOut";
 
 impl WeightClip {
-    /// Where the weights of a shape stand; `None` where the clip has none of this name.
+    /// The column with the weights of a shape, or `None` if the clip has no shape of this name.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
 
-    /// Some frames of it, with how far lips have to come together there.
+    /// Some frames of the clip, including how far the lips have to come together in them.
     #[must_use]
     pub fn rows(&self, frames: &[usize]) -> WeightClip {
         let known = frames.iter().filter(|_| !self.together.is_empty());
@@ -39,7 +39,7 @@ impl WeightClip {
         }
     }
 
-    /// Its weights of ARKit's shapes, without others.
+    /// The clip with only the weights of ARKit's shapes.
     pub(crate) fn of_arkit(&self) -> Cow<'_, WeightClip> {
         let known = columns(&self.names, |name| ARKIT.contains(&name));
         if known.len() == self.names.len() {
@@ -74,7 +74,8 @@ impl WeightClip {
 impl FaceModes {
     /// Displacement of the landmarks at weight 1 of each of ARKit's shapes, `[S, 68, 3]`, canonical metres.
     ///
-    /// ARKit writes `Left` and `Right` where the modes have `_L` and `_R`, and one shape for both sides of some.
+    /// ARKit writes `Left` and `Right` where the modes have `_L` and `_R`. For some pairs of modes
+    /// it has one shape for both sides.
     ///
     /// # Errors
     /// `Weights` for a name that is none of ARKit's.
@@ -102,7 +103,7 @@ impl FaceModes {
     }
 }
 
-/// Numbers of the columns whose names are chosen.
+/// Indices of the columns whose names are chosen.
 fn columns(names: &[String], is_chosen: impl Fn(&str) -> bool) -> Vec<usize> {
     let chosen = names.iter().enumerate().filter(|(_, name)| is_chosen(name));
     chosen.map(|(column, _)| column).collect()
@@ -112,7 +113,7 @@ fn starts(name: &str, stems: &[&str]) -> bool {
     stems.iter().any(|stem| name.starts_with(stem))
 }
 
-/// Multiplies some columns, each frame by its own factor.
+/// Multiplies some columns by a factor of its own for each frame.
 fn scale(weights: &mut Array2<f32>, columns: &[usize], factor: impl Fn(usize) -> f32) {
     for (t, mut row) in weights.axis_iter_mut(Axis(0)).enumerate() {
         let factor = factor(t);

@@ -1,31 +1,34 @@
-//! Weights of one frame that bring points of a face where they should be, by least squares with bounds.
+//! Finds the weights of one frame that bring points of a face to their goals: least squares with
+//! bounds.
 
 use ndarray::{Array2, ArrayView1, ArrayView3, ArrayViewMut1};
 
-/// What it costs to change a weight by 1, beside an aim that is missed by so many square millimetres.
+/// Changing a weight by 1 costs as much as an aim whose squared miss is this many square
+/// millimetres.
 const PRICE: f32 = 0.05;
-/// What it costs to move a corner of the mouth by a millimetre, beside an aim that is missed by so many. The cost keeps
-/// a smile while the lips close for an m.
+/// Moving a corner of the mouth by a millimetre costs as much as an aim whose squared miss is this
+/// many square millimetres. The cost keeps a smile while the lips close for an m.
 const HOLD: f32 = 0.02;
-/// Sweeps over all shapes, after which nothing moves any more.
+/// The most sweeps over the moving shapes. After these the weights have settled.
 const SWEEPS: usize = 30;
 /// The corners of the mouth.
 const CORNERS: [usize; 2] = [48, 54];
 const MM: f32 = 1e3;
 
-/// A length of a frame, the sum of `by` times the weights, and where it should be.
+/// A length in a frame (the sum of `by` times the weights) and the goal for it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aim<'a> {
-    /// `[S]`, what each shape at weight 1 adds, metres.
+    /// `[S]`, the length that each shape adds at weight 1, metres.
     pub by: ArrayView1<'a, f32>,
-    /// Metres.
+    /// The length to reach, metres.
     pub goal: f32,
-    /// How far below the goal it may be, metres.
+    /// How far below the goal the length may stay, metres.
     pub slack: f32,
 }
 
 impl Aim<'_> {
-    /// How far from the goal a length is, once the slack is taken off; both in millimetres.
+    /// How far a length that is `off_mm` from the goal misses it beyond the slack; both in
+    /// millimetres.
     fn missed_mm(&self, off_mm: f32) -> f32 {
         match off_mm <= 0.0 {
             true => (off_mm + MM * self.slack).min(0.0),
@@ -34,15 +37,17 @@ impl Aim<'_> {
     }
 }
 
-/// What each shape at weight 1 does to the corners of the mouth, `[S, 6]` metres, from landmarks `[S, 68, 3]`.
+/// How far each shape at weight 1 moves the corners of the mouth, `[S, 6]` metres. `shapes`:
+/// landmarks `[S, 68, 3]`.
 pub(super) fn corners_of(shapes: ArrayView3<'_, f32>) -> Array2<f32> {
     let corner = |(s, i): (usize, usize)| shapes[[s, CORNERS[i / 3], i % 3]];
     Array2::from_shape_fn((shapes.dim().0, 3 * CORNERS.len()), corner)
 }
 
-/// Changes the weights `[S]` of a frame as little as possible so that they meet the `aims`. Each weight of `moving`
-/// stays between 0 and its maximum. `fixed`: `[S, K]`, metres, what each shape does to lengths that should stay the
-/// same. Coordinate descent, as in [`crate::rig::solve`].
+/// Changes the weights `[S]` of a frame as little as possible so that they meet the `aims`. Each
+/// weight of `moving` stays between 0 and its maximum. `fixed`: `[S, K]`, metres: how much each
+/// shape at weight 1 changes lengths that should stay the same. Coordinate descent, as in
+/// [`crate::rig::solve`].
 pub(super) fn reach(
     weights: &mut ArrayViewMut1<'_, f32>,
     aims: &[Aim<'_>],
@@ -50,8 +55,9 @@ pub(super) fn reach(
     moving: &[(usize, f32)],
 ) {
     let start = weights.to_owned();
-    // The distance of each length from its goal and the drift of each fixed length, in millimetres. Every step updates
-    // both. Sums over all shapes at each step took more than half of the time of a job.
+    // The distance of each length from its goal and the drift of each fixed length, in millimetres.
+    // Every step updates both. Recomputing these sums over all shapes at each step took more than
+    // half of the time of a job.
     let from_goal = |aim: &Aim<'_>| MM * (weights.dot(&aim.by) - aim.goal);
     let mut off: Vec<f32> = aims.iter().map(from_goal).collect();
     let mut drift = vec![0.0; fixed.ncols()];

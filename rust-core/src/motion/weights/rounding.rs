@@ -1,4 +1,4 @@
-//! Lips that come forward, in weights of shapes.
+//! Rounds the lips in weights of shapes.
 
 use super::{
     super::{
@@ -12,11 +12,12 @@ use crate::{Result, speech::LipRounding};
 const PUCKER: &str = "mouthPucker";
 
 impl WeightClip {
-    /// Brings the lips forward where they are rounded, by as much of `mouthPucker` as they lack, except where an event
-    /// is `over_speech`. What the jaw does is left out.
+    /// Brings the lips forward where speech rounds them: adds as much `mouthPucker` as they still
+    /// lack. Frames with an event `over_speech` stay as they are. How far the jaw moves the lips
+    /// does not count.
     ///
     /// # Errors
-    /// `Weights` for a name that is none of ARKit's.
+    /// `Weights` if a name is not one of ARKit's.
     pub fn round_lips(
         &mut self,
         rounding: &LipRounding,

@@ -1,4 +1,4 @@
-//! The lower lip at the upper teeth, in weights of shapes.
+//! Brings the lower lip to the upper teeth in weights of shapes.
 
 use ndarray::{Array2, ArrayView1, ArrayView3, ArrayViewMut1};
 
@@ -11,34 +11,36 @@ use super::{
 };
 use crate::{Result, speech::LipClosures};
 
-/// How much farther up and back it may be, metres.
+/// How much farther up and back than the teeth the lip may stay, metres.
 const SLACK_M: f32 = 3e-3;
-/// The shape that tucks the lip in, and its largest weight here.
+/// The shape that tucks the lip in.
 const TUCKS: &str = "mouthRollLower";
+/// The largest weight of that shape here, unless it was larger before.
 const MOST_TUCKED: f32 = 0.6;
-/// A shape that takes the lip no farther away has no say, metres.
+/// Shapes that move the lip away by no more than this at weight 1 keep their weights, metres.
 const STILL_M: f32 = 0.5e-3;
 
-/// How far each shape takes the lower lip of one head from where it is in f and v.
+/// How far each shape moves the lower lip of one head away from the upper teeth, where it is in f
+/// and v.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LowerLip {
-    /// `[2, S]`, down and forward at weight 1, metres.
+    /// `[2, S]`, how far each shape at weight 1 moves the lip down and forward, metres.
     away: Array2<f32>,
-    /// `[S, 6]`, what each shape at weight 1 does to the corners of the mouth, metres.
+    /// `[S, 6]`, how far each shape at weight 1 moves the corners of the mouth, metres.
     corners: Array2<f32>,
     tucks: Option<usize>,
 }
 
 impl LowerLip {
-    /// Of the mean face.
+    /// The lower lip of the mean face.
     ///
     /// # Errors
-    /// `Weights` for a name that is none of ARKit's.
+    /// `Weights` if a name is not one of ARKit's.
     pub fn of_mean_face(modes: &FaceModes, names: &[String]) -> Result<LowerLip> {
         Ok(LowerLip::new(modes.of_shapes(names)?.view(), names))
     }
 
-    /// From displacements of landmarks at weight 1, `[S, 68, 3]`, canonical metres.
+    /// From the landmark displacements of each shape at weight 1, `[S, 68, 3]`, canonical metres.
     pub fn new(shapes: ArrayView3<'_, f32>, names: &[String]) -> LowerLip {
         let away = |(axis, s): (usize, usize)| match axis {
             0 => -shapes[[s, LIP, 1]],
@@ -51,8 +53,9 @@ impl LowerLip {
         }
     }
 
-    /// Brings the lower lip of a clip to the teeth where f or v is `heard`, except where an event is `over_speech`:
-    /// shapes that keep it away give way and `mouthRollLower` comes. It never takes it farther from them.
+    /// Brings the lower lip of a clip to the teeth where f or v is `heard`, except where an event
+    /// is `over_speech`. Lowers the shapes that keep the lip away and raises `mouthRollLower`.
+    /// Never moves the lip away from the teeth.
     pub fn reach_teeth(&self, clip: &mut WeightClip, heard: &LipClosures, over_speech: &[bool]) {
         let place = |row: ArrayView1<'_, f32>| [0, 1].map(|axis| row.dot(&self.away.row(axis)));
         let rows = clip.weights.outer_iter();
@@ -90,7 +93,7 @@ mod tests {
     use super::*;
     use crate::rig::ARKIT;
 
-    /// Five frames of the same weights, and the lip's place in one of them.
+    /// Five frames with the same weights, and the lower lip of the mean face.
     fn clip(open: &[(&str, f32)]) -> (WeightClip, LowerLip) {
         let names: Vec<String> = ARKIT[..51].iter().map(|&name| name.to_owned()).collect();
         let mut weights = Array2::zeros((5, names.len()));
@@ -145,7 +148,7 @@ mod tests {
                     clip.names[s]
                 );
             }
-            // Half way beside it, and as it was farther off.
+            // One frame earlier the lip is partly there; two frames earlier it has hardly moved.
             let missed = |t| {
                 let place = place(&clip, &lip, t);
                 (0..2)

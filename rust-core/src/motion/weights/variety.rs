@@ -1,7 +1,7 @@
-//! What differs between two takes of one actor, in weights of ARKit's shapes.
+//! Makes two takes of one actor differ, in weights of ARKit's shapes.
 //!
-//! The shapes that part the lips all change by one factor, `mouthClose` too. So the gap changes by that factor, and
-//! lips that are closed stay closed.
+//! All shapes that part the lips are scaled by the same factor, `mouthClose` included. So the gap
+//! changes by that factor, and closed lips stay closed.
 
 use ndarray::Axis;
 
@@ -16,7 +16,7 @@ use crate::{
     },
 };
 
-/// What opens the mouth, what widens it and what brings the lips forward.
+/// Shapes that open the mouth; names start with these.
 const OPENING: [&str; 8] = [
     "jawOpen",
     "mouthClose",
@@ -27,22 +27,25 @@ const OPENING: [&str; 8] = [
     "mouthPress",
     "jawForward",
 ];
+/// Shapes that widen the mouth.
 const WIDENING: [&str; 1] = ["mouthStretch"];
+/// Shapes that bring the lips forward.
 const ROUNDING: [&str; 2] = ["mouthFunnel", "mouthPucker"];
-/// What the lips' two sides do apart from one another.
+/// Shapes that open the left and the right side of the lips separately.
 const SIDED: [&str; 2] = ["mouthLowerDown", "mouthUpperUp"];
 /// The left corner of the mouth.
 const CORNER: usize = 54;
 const KNITTING: [&str; 2] = ["browDownLeft", "browDownRight"];
 
-/// Shapes that move something to either of two sides, and how far at weight 1, metres.
+/// Shapes that move a part of the face in two opposite directions.
 struct TwoWays {
-    /// For a positive way, and for a negative one: columns, and the way at weight 1.
+    /// For the positive and the negative direction: columns, and how far all of them at weight 1
+    /// move the part, metres.
     ways: [(Vec<usize>, f32); 2],
 }
 
 impl TwoWays {
-    /// `way` of a column: what it moves at weight 1.
+    /// `way`: how far the shape of a column moves the part at weight 1, metres.
     fn new(positive: Vec<usize>, negative: Vec<usize>, way: impl Fn(usize) -> f32) -> Self {
         let both = [positive, negative];
         TwoWays {
@@ -53,7 +56,7 @@ impl TwoWays {
         }
     }
 
-    /// Moves by so much: a shape of the other side gives way first.
+    /// Moves the part by `by` metres. Lowers the shapes of the opposite direction first.
     fn add(&self, row: &mut ndarray::ArrayViewMut1<'_, f32>, by: f32) {
         let [mine, other] = match by > 0.0 {
             true => [0, 1],
@@ -80,7 +83,7 @@ impl TwoWays {
 }
 
 impl WeightClip {
-    /// Varies the lower face as [`Variety::vary_mouth`] does that of landmarks.
+    /// Varies the lower face as [`Variety::vary_mouth`] does for landmarks.
     pub(super) fn vary_mouth(
         &mut self,
         modes: &FaceModes,
@@ -128,7 +131,7 @@ impl WeightClip {
         Ok(())
     }
 
-    /// Varies the brows as [`Variety::vary_brows`] does those of landmarks.
+    /// Varies the brows as [`Variety::vary_brows`] does for landmarks.
     pub(super) fn vary_brows(
         &mut self,
         modes: &FaceModes,

@@ -14,27 +14,28 @@ use crate::{
     },
 };
 
-/// Least diffusion time, as in the authors' code.
+/// The shortest diffusion time, as in the authors' code.
 const LEAST_TIME: f32 = 1e-8;
 
 /// `x + mlp(x, diffused x, gradient features)`.
 #[derive(Debug, Clone)]
 pub(super) struct Block {
-    /// `[C]`, in the surface's unit of area.
+    /// Diffusion times, `[C]`, in the surface's unit of area.
     pub(super) time: Array1<f32>,
     pub(super) rotation: Rotation,
     /// The MLP's first weight for the diffused input, `[C, C]`.
     pub(super) from_diffused: Panels,
-    /// The same for the input and for the gradient features.
+    /// The MLP's first weight for the input.
     pub(super) from_x: Panels,
+    /// The MLP's first weight for the gradient features.
     pub(super) from_features: Panels,
     pub(super) middle: Panels,
     pub(super) last: Panels,
-    /// Of the MLP's three layers.
+    /// Biases of the MLP's three layers.
     pub(super) biases: [Vec<f32>; 3],
 }
 
-/// The matrix `A` of the gradients, three times `[C, C]`.
+/// The matrix `A` that rotates the gradients, as three real matrices `[C, C]`.
 #[derive(Debug, Clone)]
 pub(super) struct Rotation {
     /// `Re Aᵀ`.
@@ -65,7 +66,7 @@ impl Block {
         })
     }
 
-    /// What the pass over the vertices needs of one field's spectrum `[K, C]`.
+    /// Diffuses one field's spectrum `[K, C]` and prepares it for the pass over the vertices.
     pub(super) fn coefficients(
         &self,
         mut spectrum: Array2<f32>,
@@ -125,7 +126,8 @@ fn times(lhs: &Array2<f32>, rhs: &Panels) -> Array2<f32> {
     out
 }
 
-/// One diffused field `y` in the eigenbasis, multiplied by everything that acts on channels alone, `[K, C]` each.
+/// One diffused field `y` in the eigenbasis, and its products with the matrices that act on
+/// channels, `[K, C]` each.
 pub(super) struct Coefficients {
     /// `y`.
     pub(super) diffused: Panels,

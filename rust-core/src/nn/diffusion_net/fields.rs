@@ -1,4 +1,4 @@
-//! The pass over the vertices: pieces for the threads, tiles for the cache.
+//! The pass over the vertices, in pieces for the threads and tiles for the cache.
 
 use std::ops::Range;
 
@@ -14,11 +14,11 @@ use crate::nn::{
     surface::Surface,
 };
 
-/// Rows that are worked on at once, so that their operators and intermediate fields stay in a cache of 1 MB: a
-/// multiple of the rows that [`super::Panels`] takes at once.
+/// Rows processed at once. Their operators and intermediate fields stay in a cache of 1 MB. A
+/// multiple of the rows that `Panels` sums at once.
 const TILE: usize = 120;
-/// At most this many pieces of parallel work, whatever the number of threads, so that sums over
-/// vertices are always taken in the same order.
+/// The most pieces of parallel work. The number of threads does not change the pieces, so sums over
+/// vertices always run in the same order.
 const PIECES: usize = 32;
 
 /// All fields of a batch, cut into pieces by vertices.
@@ -31,9 +31,9 @@ pub(super) struct Fields<'a> {
 /// Some consecutive vertices of every field.
 pub(super) struct Piece {
     rows: Range<usize>,
-    /// For each field `[rows, C]`.
+    /// One `[rows, C]` per field.
     pub(super) fields: Vec<Vec<f32>>,
-    /// For each field this piece's share of `Φᵀ M x`, `[K, C]`.
+    /// This piece's share of `Φᵀ M x`, one `[K, C]` per field.
     spectra: Vec<Array2<f32>>,
 }
 
@@ -71,7 +71,8 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// One block on every field; `spectra` says whether another block follows.
+    /// Applies one block to every field. `spectra`: whether another block follows and needs the
+    /// spectra.
     pub(super) fn apply(&mut self, block: &Block, spectra: bool) {
         let (surface, width) = (self.surface, self.width);
         let coefficients: Vec<Coefficients> = (0..self.batch())
@@ -109,7 +110,7 @@ impl<'a> Fields<'a> {
         sum
     }
 
-    /// A linear layer on every field, `[B, V, out]`.
+    /// Applies a linear layer to every field. Returns `[B, V, out]`.
     pub(super) fn project(&self, last: &Linear) -> Array3<f32> {
         let (batch, vertices) = (self.batch(), self.surface.vertices());
         let mut out = Array3::zeros((batch, vertices, last.outputs()));
@@ -161,7 +162,7 @@ struct Workspace {
     parts: [Vec<f32>; 5],
     /// Gradient features, then the second hidden layer, `[rows, C]`.
     features: Vec<f32>,
-    /// First hidden layer, and `M x`, `[rows, C]`.
+    /// First hidden layer, then `M x`, `[rows, C]`.
     hidden: Vec<f32>,
 }
 
@@ -178,7 +179,7 @@ impl Workspace {
         }
     }
 
-    /// `(G_x + G_y) Φ` of a tile, once for all fields.
+    /// Computes `(G_x + G_y) Φ` of a tile, once for all fields.
     fn add_gradients(&mut self, surface: &Surface, tile: &Range<usize>) {
         let (x, y) = (of(&surface.grad_x, tile), of(&surface.grad_y, tile));
         let sum = &mut self.gradient[..x.len()];
@@ -192,7 +193,7 @@ impl Workspace {
         );
     }
 
-    /// One block on a tile of one field `x`, `[rows, C]`, in place.
+    /// Applies one block to a tile of one field `x`, `[rows, C]`, in place.
     fn block(
         &mut self,
         block: &Block,
@@ -218,7 +219,7 @@ impl Workspace {
         weight.multiply(features, Start::OutputAndRow(last), Finish::Plain, x);
     }
 
-    /// `tanh(gx Re(A g) + gy Im(A g))`, eq. 8, into `features`.
+    /// Writes `tanh(gx Re(A g) + gy Im(A g))`, eq. 8, to `features`.
     fn gradient_features(
         &mut self,
         coefficients: &Coefficients,

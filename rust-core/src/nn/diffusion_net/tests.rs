@@ -1,4 +1,4 @@
-//! The network against its authors' numbers.
+//! Compares the network with its authors' results.
 
 use ndarray::Array2;
 
@@ -18,7 +18,8 @@ const RANDOM: DiffusionNetShape = DiffusionNetShape {
     blocks: 2,
 };
 
-/// Every block's output and the last one, relative to the largest value of each.
+/// Compares the output of every block and of the network. Errors are relative to the largest value
+/// of each.
 fn check(golden: &Golden, shape: DiffusionNetShape, tolerance: f32) {
     let (network, surface) = (network(golden, shape), golden.surface());
     let x = golden.matrix("vertices").insert_axis(Axis(0));

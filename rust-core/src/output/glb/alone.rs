@@ -1,4 +1,4 @@
-//! A file for a mesh that has none: positions, smooth normals, triangles, targets.
+//! A new glTF for a mesh that came from no GLB: positions, smooth normals, triangles, targets.
 
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// Normals that turn by less than this are at rest, radians.
+/// A target leaves out normals that turn by less than this, radians.
 const LEAST_TURN: f32 = 0.02;
 
 /// The document and its bytes.
@@ -68,7 +68,7 @@ fn face(buffer: &mut Buffer, scene: &Scene<'_>, targets: &Targets) -> Value {
     let layout = Layout::new(scene.mesh, corners.as_deref());
     let positions = buffer.points(&layout.spread(&scene.mesh.positions));
     let mut normals = scene.mesh.vertex_normals();
-    // The format knows no normal of length 0, which a vertex without triangles has.
+    // A vertex without triangles has a normal of length 0, which the format does not allow.
     normals
         .iter_mut()
         .filter(|normal| **normal == [0.0; 3])
@@ -96,7 +96,7 @@ fn face(buffer: &mut Buffer, scene: &Scene<'_>, targets: &Targets) -> Value {
     mesh
 }
 
-/// One target; `turned`: what it adds to the normals, where they change with it.
+/// One target. `turned`: the displacements of its normals, if the target has normals.
 fn target(
     buffer: &mut Buffer,
     layout: &Layout,
@@ -112,16 +112,16 @@ fn target(
     target
 }
 
-/// The nodes of the scene and what moves them. The first node shows the mesh.
+/// The nodes of the scene and the tracks that move them. The first node shows the mesh.
 struct Shown {
     nodes: Vec<Value>,
-    /// Number of the node above all others.
+    /// Number of the root node.
     root: usize,
     tracks: Vec<Track>,
 }
 
 impl Shown {
-    /// The weights of `shapes`, and a head that turns, over the frames of the targets.
+    /// The nodes, with tracks for the weights of `shapes` and the rotation of the head.
     fn moving(
         buffer: &mut Buffer,
         scene: &Scene<'_>,
@@ -158,7 +158,7 @@ impl Shown {
         Ok(shown)
     }
 
-    /// Turns a scene whose way up is z: that of the format is y.
+    /// Turns a scene upright whose up axis is z, because y is up in the format.
     fn stand_up(&mut self) {
         let half = std::f32::consts::FRAC_1_SQRT_2;
         self.nodes.push(json!({
@@ -168,7 +168,7 @@ impl Shown {
     }
 }
 
-/// By how much the normals differ where a shape is whole.
+/// By how much the normals change when a shape has weight 1.
 fn turned(mesh: &Mesh, normals: &[[f32; 3]], shape: &Target) -> Vec<(u32, [f32; 3])> {
     let mut moved = mesh.clone();
     for (v, by) in &shape.moved {

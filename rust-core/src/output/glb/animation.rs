@@ -1,4 +1,4 @@
-//! Motion in a glTF: tracks over the frames of the targets.
+//! Motion in a glTF: animation tracks over the frames of the targets.
 
 use serde_json::{Value, json};
 
@@ -11,17 +11,17 @@ use crate::{
     },
 };
 
-/// How what is ours is called.
+/// Name of the nodes, meshes, materials and animations that Anyface adds.
 pub const NAME: &str = "Anyface";
 
-/// One sampler of an animation, and the channels that it drives.
+/// One sampler of an animation, and the node and property that it drives.
 pub struct Track {
     pub sampler: Value,
     pub node: usize,
     pub path: &'static str,
 }
 
-/// An animation of tracks over the frames of the targets.
+/// An animation of these tracks. `sound`: name of the sound file, stored in the extras.
 pub fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
     let channels = tracks.iter().enumerate().map(|(sampler, track)| {
         json!({"sampler": sampler, "target": {"node": track.node, "path": track.path}})
@@ -35,7 +35,7 @@ pub fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
     animation
 }
 
-/// Times of the frames, seconds.
+/// Adds an accessor of the times of the frames in seconds, and returns its number.
 ///
 /// # Errors
 /// `InvalidInput` for no frames.
@@ -46,8 +46,8 @@ pub fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
     buffer.floats(&times, "SCALAR", bounds)
 }
 
-/// The sampler of the weights of some targets. `before`: constant weights of the targets that the mesh already had.
-/// `columns`: of the new targets in `targets`.
+/// The sampler of the weights of a mesh. `before`: constant weights of the targets that the mesh
+/// already had. `columns`: columns of its new targets in `targets`.
 pub(super) fn weights(
     buffer: &mut Buffer,
     times: usize,
@@ -64,8 +64,10 @@ pub(super) fn weights(
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }
 
-/// Nodes that turn everything below them about the middle between the jaw's hinges: the node that turns, the node below
-/// it that takes the offset back, and the sampler of the turns. `None` if the head is still.
+/// Nodes that rotate everything below them around the point between the jaw's hinges.
+///
+/// Returns the rotating node, the node below it that undoes the offset, and the sampler of the
+/// rotations. Returns `None` if the head is still.
 pub(super) fn head(
     buffer: &mut Buffer,
     times: usize,

@@ -1,36 +1,37 @@
-//! The numbers of a glTF: bytes, and the views and accessors that say what they are.
+//! The numbers of a glTF: bytes, and the views and accessors that describe them.
 
 use serde_json::{Value, json};
 
 use crate::{Error, Result};
 
-/// Kinds of numbers in accessors.
+// Component types of accessors.
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const UNSIGNED_SHORT: u32 = 5123;
-/// Vertices that 16 bits can number; the last number means no vertex.
+/// Most vertices that 16 bits can number. The format reserves the last number.
 const MOST_SHORT: usize = 0xFFFF;
-/// What a view holds, for graphics cards.
+// Targets of views, which tell graphics cards what a view holds.
 const OF_VERTICES: u32 = 34962;
 const OF_CORNERS: u32 = 34963;
 
-/// Bytes that are added to one buffer of a document.
+/// Collects bytes for one buffer of a document, and their views and accessors.
 pub struct Buffer {
     /// Number of the buffer.
     number: usize,
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    /// What the document has of both already.
+    /// Number of the first new view and of the first new accessor in the document.
     first_view: usize,
     first_accessor: usize,
 }
 
-/// Corners of a box about values.
+/// Lowest and highest corner of the box around some values.
 type Bounds = (Vec<f32>, Vec<f32>);
 
 impl Buffer {
-    /// After `bytes` that the buffer has, and so many views and accessors of the document.
+    /// Continues a buffer that already holds `bytes`. `views` and `accessors`: how many the document
+    /// already has.
     pub fn after(number: usize, bytes: Vec<u8>, views: usize, accessors: usize) -> Buffer {
         Buffer {
             number,
@@ -42,7 +43,7 @@ impl Buffer {
         }
     }
 
-    /// The bytes, and what stands in the document for the new ones: views and accessors.
+    /// The bytes, and the new views and accessors for the document.
     pub fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
         (self.bytes, self.views, self.accessors)
     }
@@ -65,7 +66,7 @@ impl Buffer {
         self.first_view + self.views.len() - 1
     }
 
-    /// A view of numbers of vertices, of which there are `count`, and the kind of its numbers.
+    /// Adds a view of vertex numbers below `count`. Returns the view and its component type.
     fn numbers(
         &mut self,
         values: impl Iterator<Item = u32>,
@@ -89,10 +90,10 @@ impl Buffer {
         self.first_accessor + self.accessors.len() - 1
     }
 
-    /// An accessor of numbers over time; `kind`: `SCALAR`, `VEC3` or `VEC4`.
+    /// Adds an accessor of numbers over time. `kind`: `SCALAR`, `VEC3` or `VEC4`.
     ///
     /// # Errors
-    /// `InvalidInput` for no numbers, which the format has no place for.
+    /// `InvalidInput` for no numbers, because the format allows no empty accessor.
     pub fn floats(&mut self, values: &[f32], kind: &str, bounds: Option<Bounds>) -> Result<usize> {
         if values.is_empty() {
             let message = "expected at least one frame for a GLB, got none";
@@ -124,19 +125,19 @@ impl Buffer {
         self.accessor(accessor)
     }
 
-    /// An accessor of a point of each vertex, with the box about them.
+    /// Adds an accessor of one point per vertex, with their bounding box.
     pub fn points(&mut self, points: &[[f32; 3]]) -> usize {
         let flat = points.as_flattened();
         self.values(flat, "VEC3", Some(bounds(points)), Some(OF_VERTICES))
     }
 
-    /// An accessor of texture coordinates of each vertex.
+    /// Adds an accessor of texture coordinates, one pair per vertex.
     pub fn coordinates(&mut self, coordinates: &[[f32; 2]]) -> usize {
         let flat = coordinates.as_flattened();
         self.values(flat, "VEC2", None, Some(OF_VERTICES))
     }
 
-    /// An accessor of the corners of triangles of `count` vertices.
+    /// Adds an accessor of the corners of triangles in a mesh of `count` vertices.
     pub fn corners(&mut self, triangles: &[[u32; 3]], count: usize) -> usize {
         let corners = triangles.as_flattened();
         let (view, kind) = self.numbers(corners.iter().copied(), count, Some(OF_CORNERS));
@@ -145,8 +146,8 @@ impl Buffer {
         }))
     }
 
-    /// Displacements of `count` vertices of which these move, in the order of their numbers; the smaller of what moves
-    /// and of all.
+    /// Adds an accessor of displacements of `count` vertices. `moved`: the vertices that move, in the
+    /// order of their numbers. Stores only these or all vertices, whichever takes fewer bytes.
     pub fn displacements(&mut self, count: usize, moved: &[(u32, [f32; 3])]) -> usize {
         let number_bytes = if count <= MOST_SHORT { 2 } else { 4 };
         if (12 + number_bytes) * moved.len() > 12 * count {

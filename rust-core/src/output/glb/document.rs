@@ -1,4 +1,4 @@
-//! A glTF in the making, and its bytes in a file.
+//! A glTF document that is being built, and how it is written to a file.
 
 use std::{io::Write, path::Path};
 
@@ -6,28 +6,28 @@ use serde_json::Value;
 
 use crate::{Error, Result};
 
-/// A file in the making.
+/// A glTF that is being built.
 pub struct Document {
     pub json: Value,
     pub binary: Vec<u8>,
-    /// Where the shapes stand.
+    /// The meshes that have received shapes.
     pub bound: Vec<Bound>,
 }
 
-/// Which shapes a mesh of the file has become targets of.
+/// A mesh of the file and the shapes that were added to it as targets.
 pub struct Bound {
     pub node: usize,
     pub mesh: usize,
-    /// Targets that the mesh had before.
+    /// Number of targets that the mesh had before.
     pub before: usize,
-    /// Numbers of the shapes, a target each behind those.
+    /// Numbers of the added shapes. Their targets follow the old ones in this order.
     pub shapes: Vec<usize>,
 }
 
 /// Writes the file at `path`.
 ///
 /// # Errors
-/// `InvalidInput` for more than the format counts, and `Io` of the writer.
+/// `InvalidInput` for more bytes than the format can count; `Io` if the file cannot be written.
 pub fn write_document((file, path): (&mut impl Write, &Path), document: Document) -> Result<()> {
     let mut json = document.json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -53,7 +53,7 @@ pub fn write_document((file, path): (&mut impl Write, &Path), document: Document
     Ok(())
 }
 
-/// The format counts its bytes in 32 bits.
+/// A number of bytes for the format, which counts them in 32 bits.
 fn number(bytes: usize) -> Result<u32> {
     u32::try_from(bytes).map_err(|_| {
         Error::InvalidInput(format!(

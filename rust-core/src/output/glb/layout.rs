@@ -1,23 +1,23 @@
-//! The vertices of a file for a mesh: those of the mesh in their order, and behind them one more for each vertex that has
-//! several places in a texture.
+//! The vertices of a glTF for a mesh. The vertices of the mesh come first, in their order. Copies
+//! follow for vertices that have several texture coordinates.
 
 use std::collections::BTreeMap;
 
 use crate::mesh::Mesh;
 
-/// Vertices and triangles as they are written.
+/// Vertices and triangles as the file holds them.
 pub(super) struct Layout {
-    /// `[W]`: the vertex of the mesh that each is.
+    /// `[W]`: the mesh vertex that each written vertex stands for.
     pub sources: Vec<u32>,
-    /// `[W]`, with 0 above, where the mesh has a texture.
+    /// `[W]`, with 0 at the top; `None` if the mesh has no texture coordinates.
     pub coordinates: Option<Vec<[f32; 2]>>,
     pub triangles: Vec<[u32; 3]>,
-    /// Vertices of the mesh with the others that stand for them.
+    /// The copies of each mesh vertex that has any.
     copies: BTreeMap<u32, Vec<u32>>,
 }
 
 impl Layout {
-    /// `corners` `[F, 3]`: places in the texture, 0 below.
+    /// `corners` `[F, 3]`: texture coordinates, with 0 at the bottom.
     pub fn new(mesh: &Mesh, corners: Option<&[[[f32; 2]; 3]]>) -> Layout {
         let count = mesh.positions.len();
         let mut layout = Layout {
@@ -52,13 +52,13 @@ impl Layout {
         layout
     }
 
-    /// Of each vertex of the mesh, for each that is written.
+    /// Values of the mesh vertices, repeated for the copies.
     pub fn spread(&self, of_mesh: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let of = |v: &u32| of_mesh[*v as usize];
         self.sources.iter().map(of).collect()
     }
 
-    /// Displacements of vertices of the mesh, with those of the others that stand for them.
+    /// Displacements of mesh vertices, followed by those of their copies.
     pub fn moved(&self, of_mesh: &[(u32, [f32; 3])]) -> Vec<(u32, [f32; 3])> {
         let copies = of_mesh.iter().flat_map(|(v, d)| {
             let copies = self.copies.get(v).map_or(&[][..], Vec::as_slice);

@@ -1,7 +1,8 @@
-//! Binary glTF 2.0 of a mesh that speaks: morph targets, their weights over time, and the turns of the head.
+//! Binary glTF 2.0 of a speaking mesh: morph targets, their weights over time, and head rotations.
 //!
-//! A mesh that came from a GLB keeps its file: materials, bones and all else stay, targets and an animation are added
-//! (`onto`). Any other mesh gets a file of its own (`alone`). Both write into a `Buffer` and give a `Document`.
+//! If the mesh came from a GLB, `onto` adds targets and an animation to that file, and materials,
+//! bones and everything else stay. Any other mesh gets a new file from `alone`. Both write into a
+//! `Buffer` and return a `Document`.
 
 mod alone;
 mod animation;
@@ -32,10 +33,10 @@ pub(super) fn write_glb(
     write_document(file, document(scene, targets)?)
 }
 
-/// A scene with its targets; where they do not play, without any animation of ours.
+/// A scene with its targets. If the targets have no frames, it gets no animation.
 ///
 /// # Errors
-/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice.
+/// `InvalidInput` if the mesh was not read from the source, or if the source shows a mesh twice.
 pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
     match scene.glb() {
         Some(source) => onto::add(source, scene, targets),

@@ -1,4 +1,4 @@
-//! Targets and an animation added to the file that a mesh came from; all else of it stays.
+//! Adds targets and an animation to the GLB that a mesh came from. Everything else in it stays.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -57,7 +57,7 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
     })
 }
 
-/// The parts of the file's mesh, which must be the scene's.
+/// The parts of the mesh in the file, which must have as many vertices as the scene's mesh.
 fn parts_of(source: &[u8], scene: &Scene<'_>) -> Result<Vec<GlbPart>> {
     let parts = glb_parts(source)?;
     let vertices = parts.last().map_or(0, |part| part.vertices.end);
@@ -70,17 +70,17 @@ fn parts_of(source: &[u8], scene: &Scene<'_>) -> Result<Vec<GlbPart>> {
     Ok(parts)
 }
 
-/// How many items a list of the document has.
+/// Length of a list of the document; 0 if there is none.
 fn length(document: &Value, name: &str) -> usize {
     document[name].as_array().map_or(0, Vec::len)
 }
 
-/// Where the bytes of the new numbers stand.
+/// Where the new bytes go.
 #[derive(Clone, Copy)]
 enum NewBytes {
-    /// Behind those of the file's chunk, which is the first buffer.
+    /// After the bytes of the file's chunk, which is the first buffer.
     BehindChunk,
-    /// In a new buffer of this number, as text: the first buffer names other bytes than the chunk.
+    /// Into a new buffer with this number, as base64 text, because the first buffer is not the chunk.
     InBuffer(usize),
 }
 
@@ -93,7 +93,7 @@ impl NewBytes {
         }
     }
 
-    /// The buffer that gets them; `chunk`: the bytes of the file's chunk.
+    /// The buffer for the new bytes. `chunk`: the bytes of the file's chunk.
     fn buffer(self, document: &Value, chunk: &[u8]) -> Buffer {
         let (number, bytes) = match self {
             NewBytes::BehindChunk => (0, chunk.to_vec()),
@@ -103,7 +103,8 @@ impl NewBytes {
         Buffer::after(number, bytes, views, length(document, "accessors"))
     }
 
-    /// Enters the buffer in the document. Returns the bytes of the file's chunk, which was `chunk`.
+    /// Adds the buffer to the document. `chunk`: the old bytes of the file's chunk. Returns the new
+    /// ones.
     fn write(self, document: &mut Value, buffer: Buffer, chunk: &[u8]) -> Result<Vec<u8>> {
         let (bytes, views, accessors) = buffer.finish();
         list(document, "bufferViews")?.extend(views);
@@ -129,19 +130,19 @@ impl NewBytes {
     }
 }
 
-/// The file's document, and what is added to it.
+/// The document of the file, and the additions to it.
 struct Extended<'a> {
     document: Value,
     buffer: Buffer,
     targets: &'a Targets,
-    /// Accessor of the times of the frames; `None` without frames.
+    /// Accessor of the frame times; `None` without frames.
     times: Option<usize>,
     tracks: Vec<Track>,
     bound: Vec<Bound>,
 }
 
 impl Extended<'_> {
-    /// Adds the shapes that move a mesh to it as targets, and the track of their weights.
+    /// Adds to a mesh the shapes that move it, as targets, and the track of their weights.
     fn bind(&mut self, mesh: usize, parts: &[&GlbPart]) -> Result<()> {
         let (node, targets) = (parts[0].node, self.targets);
         let shapes = targets_of(parts, targets);
@@ -182,10 +183,10 @@ impl Extended<'_> {
         Ok(())
     }
 
-    /// Turns the head and adds the animation of all tracks.
+    /// Adds the rotation of the head, and an animation of all tracks.
     fn animate(&mut self, scene: &Scene<'_>) -> Result<()> {
         let document = &mut self.document;
-        // Bones turn a head that has them; a node above would turn the body.
+        // In a file with bones, a node above everything would turn the whole body with the head.
         if let Some(times) = self.times.filter(|_| document.get("skins").is_none()) {
             let turns = turn_scene(document, &mut self.buffer, times, scene)?;
             self.tracks.extend(turns);
@@ -198,8 +199,8 @@ impl Extended<'_> {
     }
 }
 
-/// Vertices of the primitive that a part is. Lines and points are no part of the mesh, but have as many targets as its
-/// triangles.
+/// Number of vertices in the primitive of a part, from the document. The mesh has none for a
+/// primitive of lines or points, but that must have as many targets as the triangles.
 fn vertices_of(document: &Value, part: &GlbPart) -> usize {
     let primitive = &document["meshes"][part.mesh]["primitives"][part.primitive];
     let count = match primitive["attributes"]["POSITION"].as_u64() {
@@ -213,7 +214,7 @@ fn wrong(message: String) -> Error {
     Error::InvalidInput(format!("glTF: {message}"))
 }
 
-/// A list of the document, which may not have one yet.
+/// A list in an object of the document. Creates it if it is missing.
 fn list<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Vec<Value>> {
     let lists = of.as_object_mut();
     let lists = lists.ok_or_else(|| wrong(format!("expected an object with {name}")))?;
@@ -222,7 +223,7 @@ fn list<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Vec<Value>> {
         .ok_or_else(|| wrong(format!("expected a list of {name}")))
 }
 
-/// The parts of each mesh, which one node shows.
+/// The parts of each mesh. Every mesh must belong to a single node.
 fn by_mesh(parts: &[GlbPart]) -> Result<BTreeMap<usize, Vec<&GlbPart>>> {
     let mut meshes: BTreeMap<usize, Vec<&GlbPart>> = BTreeMap::new();
     for part in parts {
@@ -241,7 +242,7 @@ fn by_mesh(parts: &[GlbPart]) -> Result<BTreeMap<usize, Vec<&GlbPart>>> {
     }
 }
 
-/// Numbers of the shapes that move a vertex of these parts.
+/// Numbers of the shapes that move any vertex of these parts.
 fn targets_of(parts: &[&GlbPart], targets: &Targets) -> Vec<usize> {
     let moves = |shape: &Target| parts.iter().any(|part| !within(shape, part).is_empty());
     let shapes = targets.shapes.iter().enumerate();
@@ -257,7 +258,7 @@ fn within<'a>(shape: &'a Target, part: &GlbPart) -> &'a [(u32, [f32; 3])] {
     &shape.moved[at(part.vertices.start)..at(part.vertices.end)]
 }
 
-/// Adds the targets of one primitive of `count` vertices, in the axes and units of its node.
+/// Makes the targets of one primitive of `count` vertices, in the axes and units of its node.
 fn add_targets(
     buffer: &mut Buffer,
     (part, count): (&GlbPart, usize),
@@ -306,14 +307,14 @@ fn all_weights(before: &[f32], new: usize) -> Vec<f32> {
     before.iter().copied().chain(new).collect()
 }
 
-/// Writes the names of the new targets behind those of the old ones.
+/// Adds the names of the new targets after those of the old ones.
 fn name_targets(
     mesh: &mut Value,
     before: usize,
     shapes: &[usize],
     targets: &Targets,
 ) -> Result<()> {
-    // Names need an object. Any other value that stands there moves into a new object.
+    // The names need an object. If `extras` is another value, it moves into a new object.
     match mesh["extras"].take() {
         Value::Null => mesh["extras"] = json!({}),
         object @ Value::Object(_) => mesh["extras"] = object,
@@ -328,7 +329,7 @@ fn name_targets(
     Ok(())
 }
 
-/// Puts everything that the scene shows below a node that turns with the head.
+/// Moves all nodes of the scene below a node that turns with the head.
 fn turn_scene(
     document: &mut Value,
     buffer: &mut Buffer,

@@ -15,7 +15,7 @@ use crate::{
 
 const FRAMES: usize = 6;
 const FPS: f64 = 25.0;
-/// Vertices and their places may differ by this, metres.
+/// Largest allowed distance of a vertex from its expected position, metres.
 const NEAR: f32 = 1e-5;
 
 /// Four triangles in a row, metres.
@@ -25,7 +25,7 @@ fn strip() -> Mesh {
     Mesh::from_arrays(positions.collect(), triangles.collect()).unwrap()
 }
 
-/// Vertices 1 to 4 swing to and fro by some millimetres, each in its own way.
+/// Vertices 1 to 4 swing to and fro by a few millimetres, each in its own way.
 fn swing(vertices: usize) -> Array3<f32> {
     Array3::from_shape_fn((FRAMES, vertices, 3), |(t, v, i)| {
         let moves = (1..5).contains(&v);
@@ -70,7 +70,8 @@ fn write_with(
     Ok(displacements)
 }
 
-/// What another reader makes of a file: places of all vertices in every frame, in the axes of the scene at rest.
+/// Reads a file with another library. Returns the positions of all vertices in every frame, with all
+/// nodes at rest.
 fn places(path: &Path) -> Vec<Vec<[f32; 3]>> {
     let (document, buffers, _) = gltf::import(path).unwrap();
     let mut frames = vec![Vec::new(); FRAMES];
@@ -199,7 +200,7 @@ fn a_texture_of_an_obj_stays() {
     text += "vt 0.5 0.5\n";
     for (t, [a, b, c]) in mesh.triangles.iter().enumerate() {
         let [a, b, c] = [a + 1, b + 1, c + 1];
-        // The last triangle lies elsewhere in the texture by one corner.
+        // One corner of the last triangle has other texture coordinates.
         let at = if t == 3 { 7 } else { a };
         text += &format!("f {a}/{at} {b}/{b} {c}/{c}\n");
     }
@@ -234,7 +235,7 @@ fn eyes_turn_where_the_take_looks() {
     let path = folder.path().join("talk.glb");
     let (mesh, mut life) = (strip(), Life::still(FRAMES));
     for t in 0..FRAMES {
-        // The left eye looks up, 25 degrees at most.
+        // The left eye looks up, by 25 degrees in the last frame.
         life.gaze[[t, 1, 1]] = (5.0 * t as f32).to_radians();
     }
     let look = |name: &'static str| EyeLook {
@@ -332,8 +333,8 @@ fn a_mesh_whose_way_up_is_z_stands_upright() {
     }
 }
 
-/// The strip in two primitives of one mesh, ten times as large under a node that shrinks and turns it, with a material and a target
-/// of its own.
+/// A GLB of the strip as two primitives of one mesh, with a material and a target. The mesh is ten
+/// times as large and turned, and its nodes shrink it and turn it back.
 fn source(change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let mesh = strip();
     let turned = mesh

@@ -1,4 +1,4 @@
-//! A take as a VRM animation: expressions over time, turns of the head, and where the eyes look.
+//! Writes a take as a VRM animation: expressions over time, turns of the head, and the gaze.
 
 use std::{io::Write, path::Path};
 
@@ -22,22 +22,23 @@ use crate::{
     rig::ARKIT,
 };
 
-/// Which expressions a take has for avatars.
+/// Which expressions a VRM animation contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VrmNames {
-    /// Both.
+    /// Both sets.
     #[default]
     All,
-    /// Those of Perfect Sync, ARKit's, for an avatar that has VRM's as well and would move twice.
+    /// Only those of Perfect Sync, which are ARKit's shapes. For an avatar that also has VRM's
+    /// expressions, since both sets together would move it twice.
     PerfectSync,
-    /// Those of VRM alone.
+    /// Only those of VRM.
     Vrm,
 }
 
 /// Writes a take at `path`.
 ///
 /// # Errors
-/// Those of the solve, of the writer, and `InvalidInput` for no frames.
+/// Those of the solve and of the writer, and `InvalidInput` for a clip without frames.
 pub fn write_vrm_animation(
     file: (&mut impl Write, &Path),
     scene: &Scene<'_>,
@@ -59,7 +60,8 @@ pub fn write_vrm_animation(
             arkit.column(place.expect("a name of ARKit"))
         };
         let [left, right] = ["eyeBlinkLeft", "eyeBlinkRight"].map(column);
-        // Avatars add what they are sent: a blink of both eyes is one, and each eye has what it closes beyond.
+        // Avatars add expressions up. So `blink` holds what both eyes close together, and
+        // `blinkLeft` and `blinkRight` hold only what an eye closes beyond that.
         let both = ndarray::Zip::from(left)
             .and(right)
             .map_collect(|l, r| l.min(*r));
@@ -68,7 +70,7 @@ pub fn write_vrm_animation(
         take.expression("preset", "blinkRight", (&right - &both).view())?;
     }
     if names != VrmNames::Vrm {
-        // The eyes look by a track of their own.
+        // The gaze has a track of its own.
         let faces = ARKIT.iter().zip(arkit.columns());
         for (name, weights) in faces.filter(|(name, _)| !name.starts_with("eyeLook")) {
             if weights.iter().any(|w| *w > 0.0) {
@@ -80,7 +82,7 @@ pub fn write_vrm_animation(
     write_document(file, document)
 }
 
-/// A file in the making.
+/// A file under construction.
 struct Take {
     frames: usize,
     buffer: Buffer,
@@ -105,7 +107,7 @@ impl Take {
         })
     }
 
-    /// A node that is moved; its number.
+    /// Adds a node and the track that moves it. Returns the node's number.
     fn track(&mut self, name: &str, path: &'static str, values: &[f32]) -> Result<usize> {
         let kind = if path == "rotation" { "VEC4" } else { "VEC3" };
         let output = self.buffer.floats(values, kind, None)?;
@@ -118,7 +120,7 @@ impl Take {
         Ok(self.nodes.len() - 1)
     }
 
-    /// Weights over time, which stand as x of a node's place.
+    /// Adds an expression. The x of its node's translation holds its weights over time.
     fn expression(&mut self, kind: &str, name: &str, weights: ArrayView1<'_, f32>) -> Result<()> {
         let values: Vec<f32> = weights.iter().flat_map(|w| [*w, 0.0, 0.0]).collect();
         let node = self.track(name, "translation", &values)?;
@@ -127,7 +129,7 @@ impl Take {
         Ok(())
     }
 
-    /// The whole file, with head and eyes.
+    /// Completes the file with the head and the eyes.
     fn document(mut self, scene: &Scene<'_>) -> Result<Document> {
         let mut extension = json!({"specVersion": "1.0"});
         let life = scene.life.filter(|life| life.head.nrows() == self.frames);
@@ -179,14 +181,15 @@ impl Take {
     }
 }
 
-/// Turns of the eyes against the head, a quaternion a frame, halfway between both; nothing where they rest.
+/// Turns of the eyes relative to the head: one quaternion per frame, from the mean angles of both
+/// eyes. `None` if the eyes rest throughout.
 fn looks(life: &Life) -> Option<Vec<f32>> {
     if life.gaze.iter().all(|angle| *angle == 0.0) {
         return None;
     }
     let turns = life.gaze.outer_iter().flat_map(|eyes| {
         let of = |axis: usize| 0.5 * (eyes[[0, axis]] + eyes[[1, axis]]);
-        // Yaw to the left is about +y, pitch up about -x.
+        // Yaw to the left turns about +y, pitch up about -x.
         Quat::from_euler(EulerRot::YXZ, of(0), -of(1), 0.0).to_array()
     });
     Some(turns.collect())

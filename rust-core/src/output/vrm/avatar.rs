@@ -1,4 +1,4 @@
-//! A mesh as an avatar.
+//! Writes a mesh as an avatar.
 
 use std::{io::Write, path::Path};
 
@@ -22,20 +22,22 @@ use crate::{
     },
 };
 
-/// Axes of a mesh and those of VRM that lie nearer together than this are the same.
+/// A mesh axis within this angle of one of VRM's axes counts as that axis.
 const UPRIGHT_DEGREES: f64 = 15.0;
-/// A head within these sizes, as shares of a human one, keeps its own.
+/// A head whose size lies between these multiples of a human head's keeps its size.
 const SIZES: (f64, f64) = (0.5, 2.0);
 
-/// Writes a mesh with the shapes of its rig as a VRM: presets, and ARKit's shapes under the names of Perfect Sync.
+/// Writes a mesh with the shapes of its rig as a VRM: presets, and ARKit's shapes under their names
+/// in Perfect Sync.
 ///
-/// `source`: the bytes of the file that the mesh was read from. Of a VRM (1.0 or 0) all else stays; expressions of the same
-/// names become new ones, whose names come back. Of any other GLB all else stays too, below the head of the fewest
-/// bones that VRM 1.0 allows, on which a mesh without a GLB stands as well.
+/// `source`: the bytes of the file that the mesh was read from. If it is a VRM (1.0 or 0), all
+/// else in it stays. New expressions replace those of the same name, and the names of the replaced
+/// ones are returned. In any other GLB all else stays too, but moves below the head bone of the
+/// smallest skeleton that VRM 1.0 allows. A mesh without a GLB gets the same skeleton.
 ///
 /// # Errors
-/// `ShapeMismatch` if the rig is not the mesh's, `InvalidInput` for a GLB with bones that is no VRM or one that is not the mesh's, `Io` if
-/// the file cannot be written.
+/// `ShapeMismatch` if the rig is not the mesh's, `InvalidInput` for a GLB that has bones but is no
+/// VRM, or that is not the mesh's, `Io` if the file cannot be written.
 pub fn write_avatar(
     path: &Path,
     rig: &Rig,
@@ -67,7 +69,7 @@ pub fn write_avatar(
     Ok(replaced)
 }
 
-/// The document with expressions, and the names of its former expressions that were replaced.
+/// The document with the new expressions, and the names of the expressions that they replaced.
 pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Document, Vec<String>)> {
     let targets = Targets::of_rig(rig, shapes_of_expressions(), scene.landmarks);
     let mut avatar = document(scene, &targets)?;
@@ -90,7 +92,7 @@ pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Docume
     Ok((avatar, replaced))
 }
 
-/// Puts all that the scene shows below the head of the fewest bones.
+/// Puts all nodes of the scene below the head bone of the smallest skeleton that VRM 1.0 allows.
 fn stand_on_bones(document: &mut Value, scene: &Scene<'_>, name: &str) -> Result<()> {
     if document["skins"]
         .as_array()
@@ -134,7 +136,8 @@ fn stand_on_bones(document: &mut Value, scene: &Scene<'_>, name: &str) -> Result
     Ok(())
 }
 
-/// A node that brings a mesh to the size and the axes of VRM, the place between the jaw's hinges to its origin.
+/// A node that brings a mesh to the size and the axes of VRM and moves the point between the jaw's
+/// hinges to the head bone.
 fn placed(scene: &Scene<'_>, below: &Value) -> Result<Value> {
     let (to_mesh, to_head) = (hinges(scene)?, hinges(scene)?.inverse());
     let turn = upright(DMat3::from_cols_array_2d(&to_head.rotation).transpose());
@@ -158,7 +161,8 @@ fn placed(scene: &Scene<'_>, below: &Value) -> Result<Value> {
     Ok(node)
 }
 
-/// The turn between axes that lies near this one, or itself.
+/// Snaps a turn to the one that maps axes onto axes, if that one is near. Otherwise returns it
+/// unchanged.
 fn upright(turn: DMat3) -> DMat3 {
     let least = UPRIGHT_DEGREES.to_radians().cos();
     let snapped = turn

@@ -1,4 +1,4 @@
-//! The expressions of a face by their names in VRM, and the shapes of a rig that show them.
+//! The expressions of a face under their VRM names, and the rig's shapes that show them.
 
 use crate::{
     output::take_shapes::{VOWEL_SHAPES, VOWELS},
@@ -10,15 +10,17 @@ pub(super) struct Expression {
     pub name: String,
     /// Whether VRM 1 defines it.
     pub is_preset: bool,
-    /// Its preset in VRM 0; nothing where that has none.
+    /// Its preset in VRM 0. `None` if VRM 0 has none for it.
     pub old_preset: Option<&'static str>,
     /// Names of shapes, each with its weight.
     pub parts: Vec<(&'static str, f32)>,
-    /// Which expressions of VRM 1 rest while this one shows, since it moves the same.
+    /// The field of VRM 1 that blocks the expressions which move the same part of the face, while
+    /// this one shows.
     pub takes_over: Option<&'static str>,
 }
 
-/// A mixture of shapes: VRM 1's name, VRM 0's, the stems and weights of ARKit's shapes.
+/// A mixture of shapes: its name in VRM 1, its preset in VRM 0, and the names or stems of ARKit's
+/// shapes with their weights.
 type Mixture = (
     &'static str,
     Option<&'static str>,
@@ -27,8 +29,9 @@ type Mixture = (
 
 /// Presets that are mixtures.
 ///
-/// Feelings are the units of EMFACS (Ekman & Friesen 1983): happy 6, 12; angry 4, 5, 7, 23, 10; sad 1, 4, 15, 17; surprised 1, 2, 5,
-/// 26; relaxed is a weak 12 with lids that are a little lower. How strong each is, is a choice of ours.
+/// The feelings follow the action units of EMFACS (Ekman & Friesen 1983): happy 6, 12; angry 4, 5,
+/// 7, 23, 10; sad 1, 4, 15, 17; surprised 1, 2, 5, 26. Relaxed is a weak 12 with slightly lowered
+/// lids. The weights are our own choice.
 const MIXTURES: [Mixture; 12] = [
     ("blink", Some("blink"), &[("eyeBlink", 1.0)]),
     ("blinkLeft", Some("blink_l"), &[("eyeBlinkLeft", 1.0)]),
@@ -93,7 +96,7 @@ const MIXTURES: [Mixture; 12] = [
 ];
 /// VRM 0's vowels, in the order of [`VOWELS`].
 const OLD_VOWELS: [&str; 5] = ["a", "i", "u", "e", "o"];
-/// What vowels are made of: where an avatar is sent both, its mouth would open twice.
+/// Shapes that the vowels contain. An avatar that receives both would open its mouth twice.
 const OF_VOWELS: [&str; 4] = ["jawOpen", "mouthClose", "mouthFunnel", "mouthPucker"];
 
 /// Names of the shapes that expressions use.
@@ -101,7 +104,8 @@ pub(super) fn shapes_of_expressions() -> impl Iterator<Item = &'static str> {
     ARKIT.into_iter().chain(VOWEL_SHAPES)
 }
 
-/// Every expression of which a shape `is_there`: VRM's presets, then the 52 of ARKit as Perfect Sync calls them.
+/// Every expression with at least one shape that `is_there`: VRM's presets, then ARKit's 52 shapes
+/// under their names in Perfect Sync.
 pub(super) fn expressions(is_there: impl Fn(&str) -> bool) -> Vec<Expression> {
     let vowels = VOWELS.iter().zip(OLD_VOWELS).zip(VOWEL_SHAPES);
     let vowels = vowels.map(|((name, old), shape)| Expression {
@@ -138,7 +142,7 @@ pub(super) fn expressions(is_there: impl Fn(&str) -> bool) -> Vec<Expression> {
         .collect()
 }
 
-/// A shape of ARKit's of that name, or the two of that stem.
+/// The ARKit shape of that name, or the left and right shapes of that stem.
 fn both_sides(part: &(&str, f32)) -> Vec<(&'static str, f32)> {
     let (stem, weight) = *part;
     let is_of = |name: &&&str| match name.strip_prefix(stem) {
@@ -152,7 +156,7 @@ fn both_sides(part: &(&str, f32)) -> Vec<(&'static str, f32)> {
         .collect()
 }
 
-/// `JawOpen` of `jawOpen`.
+/// The name in Perfect Sync: `JawOpen` for `jawOpen`.
 pub(super) fn perfect_sync(name: &str) -> String {
     let mut letters = name.chars();
     let first = letters.next().map(|c| c.to_ascii_uppercase());

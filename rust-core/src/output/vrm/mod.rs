@@ -1,8 +1,9 @@
-//! VRM: a mesh with expressions that avatars are moved by, and a take as such expressions over time.
+//! VRM files: a mesh as an avatar with expressions, and a take as expressions over time.
 //!
-//! An avatar keeps all that its file has, bones and materials and springs, and gets targets and expressions (VRM 1.0, or the
-//! groups of VRM 0). A head alone gets the fewest bones that VRM 1.0 allows. Extensions VRMC_vrm and VRMC_vrm_animation as
-//! <https://github.com/vrm-c/vrm-specification> has them.
+//! An avatar keeps all that its file has, such as bones, materials and springs, and gets morph
+//! targets and expressions (of VRM 1.0, or groups of VRM 0). A head without a body gets the fewest
+//! bones that VRM 1.0 allows. The extensions VRMC_vrm and VRMC_vrm_animation follow
+//! <https://github.com/vrm-c/vrm-specification>.
 
 mod animation;
 mod avatar;

@@ -9,7 +9,8 @@ use crate::{
     rig::parts::GAZE_DEGREES,
 };
 
-/// Adds the expressions, whose shapes have these places among the targets; names of those that stood there before.
+/// Adds the expressions. `place`: the number of a shape among the targets. Returns the names of the
+/// expressions that were replaced.
 pub(super) fn add(
     avatar: &mut Document,
     expressions: &[Expression],
@@ -45,7 +46,7 @@ pub(super) fn add(
     Ok(replaced)
 }
 
-/// Targets of all meshes that show an expression.
+/// Binds an expression to its targets on all meshes.
 fn binds(
     bounds: &[Bound],
     expression: &Expression,
@@ -64,7 +65,7 @@ fn binds(
     binds
 }
 
-/// An object in another, which may not have it yet.
+/// The object `name` within another one. Creates it if it is missing.
 fn object<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Value> {
     let wrong = || Error::InvalidInput(format!("VRMC_vrm: expected an object of {name}"));
     let inner = of.as_object_mut().ok_or_else(wrong)?;

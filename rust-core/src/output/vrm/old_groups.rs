@@ -1,14 +1,15 @@
-//! Groups of VRM 0, which are its expressions.
+//! Expressions of VRM 0, which it calls blend shape groups.
 
 use serde_json::{Value, json};
 
 use super::expressions::{Expression, perfect_sync};
 use crate::{Error, Result, output::glb::Document};
 
-/// A preset that is none of VRM 0's.
+/// VRM 0's preset name for a group that is none of its presets.
 const OWN: &str = "unknown";
 
-/// Adds the expressions, whose shapes have these places among the targets; names of those that stood there before.
+/// Adds the expressions. `place`: the number of a shape among the targets. Returns the names of the
+/// groups that were replaced.
 pub(super) fn add(
     avatar: &mut Document,
     expressions: &[Expression],
@@ -54,7 +55,7 @@ pub(super) fn add(
     Ok(replaced)
 }
 
-/// Whether both are the same preset, or have one name without being any.
+/// Whether both are the same preset, or have the same name and are no preset.
 fn is_same(group: &Value, new: &Value) -> bool {
     let preset = |of: &Value| of["presetName"].as_str().unwrap_or(OWN).to_lowercase();
     let name = |of: &Value| of["name"].as_str().unwrap_or_default().to_lowercase();

@@ -1,11 +1,12 @@
-//! The fewest bones that VRM 1.0 allows, in the pose of a T.
+//! The smallest skeleton that VRM 1.0 allows, in T-pose.
 
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 
 use crate::mesh::canonical_landmarks;
 
-/// A bone, the one that it hangs on, and where from there, metres: +x to the left, +y up, +z to the front.
+/// A bone, the number of its parent, and its offset from the parent, metres: +x to the left, +y up,
+/// +z to the front.
 type Bone = (&'static str, Option<usize>, [f32; 3]);
 
 const BONES: [Bone; 15] = [
@@ -26,10 +27,11 @@ const BONES: [Bone; 15] = [
     ("rightHand", Some(13), [-0.24, 0.0, 0.0]),
 ];
 const HEAD: usize = 2;
-/// Landmarks about both eyes.
+/// Landmarks around both eyes.
 const EYES: std::ops::Range<usize> = 36..48;
 
-/// The middle between the eyes from the head's bone, which lies between the jaw's hinges, metres.
+/// The point between the eyes, relative to the head bone, metres. The head bone lies between the
+/// jaw's hinges.
 pub(super) fn eyes_from_head() -> [f32; 3] {
     let eyes = canonical_landmarks()[EYES].iter().map(|p| Vec3::from(*p));
     let middle = eyes.sum::<Vec3>() / EYES.len() as f32;
@@ -38,7 +40,7 @@ pub(super) fn eyes_from_head() -> [f32; 3] {
 
 /// Bones as nodes of a file.
 pub(super) struct Skeleton {
-    /// The first one holds all others.
+    /// The first one is the root of all others.
     pub nodes: Vec<Value>,
     /// `humanBones` of VRM.
     pub human_bones: Value,
@@ -46,7 +48,8 @@ pub(super) struct Skeleton {
     pub head: usize,
 }
 
-/// The bones, as nodes behind `first` others; below the head these nodes.
+/// The bones as nodes that follow `first` others. The nodes `below_head` become children of the
+/// head.
 pub(super) fn skeleton(first: usize, below_head: &[usize]) -> Skeleton {
     let mut human_bones = Map::new();
     let nodes = BONES.iter().enumerate().map(|(n, (name, _, place))| {

@@ -12,7 +12,7 @@ use crate::{
     spread::{ClipStart, FrameBlock, FrameSink},
 };
 
-/// A triangle of ten centimetres for each shape, which moves it by a millimetre.
+/// A face with one triangle of ten centimetres for each shape, which moves it by a millimetre.
 fn face() -> (Mesh, Rig) {
     let names: Vec<String> = ARKIT
         .iter()
@@ -56,7 +56,7 @@ fn written(
     avatar(rig, &scene, "Ann")
 }
 
-/// A GLB of the mesh as one primitive with a target of its own, changed.
+/// A GLB of the mesh as one primitive that already has a target. `change` edits its JSON.
 fn glb(mesh: &Mesh, change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let mut data: Vec<u8> = mesh
         .positions
@@ -212,7 +212,7 @@ fn a_vrm_keeps_all_that_is_not_a_new_expression() {
         let after = after[list].as_array_mut().unwrap();
         assert_eq!(before[list].as_array().unwrap()[..], after[..length]);
     }
-    // What is left after what had to change is the same.
+    // Everything that did not have to change is the same.
     for json in [&mut before, &mut after] {
         json["extensions"]["VRMC_vrm"]["expressions"].take();
         for list in ["accessors", "bufferViews", "buffers", "meshes"] {
@@ -245,7 +245,7 @@ fn groups_of_vrm_0_are_written_too() {
     assert_eq!(of("LookUp")["presetName"], "lookup");
     let blink = of("Blink")["binds"].as_array().unwrap();
     assert_eq!((blink.len(), &blink[0]["weight"]), (2, &json!(100.0)));
-    // Behind the one that the mesh had.
+    // It follows the target that the mesh already had.
     assert_eq!(of("EyeBlinkLeft")["binds"][0]["index"], 1);
 }
 
@@ -263,7 +263,7 @@ fn a_glb_with_bones_that_is_no_avatar_is_refused() {
     assert_eq!(document.json["materials"][0]["name"], "Skin");
 }
 
-/// Two frames: jaw open by a half and the left eye shut in the second, with the viseme aa.
+/// Two frames. In the second the jaw is half open, the left eye is shut and the viseme aa shows.
 fn take(path: &std::path::Path, names: VrmNames) -> Result<()> {
     let (mesh, rig) = face();
     let mut displacements = Array3::zeros((2, mesh.positions.len(), 3));
@@ -295,7 +295,7 @@ fn take(path: &std::path::Path, names: VrmNames) -> Result<()> {
     file.finish()
 }
 
-/// The animation's values that move a node.
+/// The values with which the animation moves a node.
 fn values(path: &std::path::Path, node: &Value) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap();
     let (json, binary) = glb_chunks(&bytes).unwrap();

@@ -1,4 +1,4 @@
-//! Sizes of a causal student, and the look-ahead that follows from them.
+//! Sizes of a causal network, and the look-ahead that follows from them.
 
 use crate::{
     Error, Result,
@@ -6,28 +6,28 @@ use crate::{
     speech::{BANDS, FRAME, HOP},
 };
 
-/// Mel frames to a motion frame.
+/// Mel frames per motion frame.
 pub(super) const MEL_PER_FRAME: usize = 4;
 /// Samples from one motion frame to the next.
 pub(super) const SAMPLES_PER_FRAME: usize = MEL_PER_FRAME * HOP;
-/// Taps of every convolution but the stem.
+/// Taps of every convolution except the stem.
 pub(super) const TAPS: usize = 3;
 pub(super) const STEM_TAPS: usize = 5;
-/// Taps of the stem after its own frame.
+/// Taps of the stem after the current frame.
 pub(super) const STEM_AHEAD: usize = 2;
-/// Taps of the step to 25 Hz after its own frame.
+/// Taps of the step to 25 Hz after the current frame.
 pub(super) const DOWN_AHEAD: usize = 1;
 /// The longest look-ahead that a model may have.
 const MAX_LOOK_AHEAD_S: f64 = 0.2;
-/// By how much the nominal look-ahead may be shorter than the real one.
+/// How much longer a head's real look-ahead may be than the requested one, because people round.
 const ROUNDING_S: f64 = 0.005;
 
 /// Sizes of the network, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct CausalConfig {
-    /// Name of the model; its errors begin with it.
+    /// Name of the model. Its error messages begin with this name.
     pub model: String,
-    /// Numbers of a frame.
+    /// Numbers per frame.
     pub outputs: usize,
     /// Frames per second; always 25.
     pub fps: f64,
@@ -39,27 +39,27 @@ pub struct CausalConfig {
     pub fine: Vec<Block>,
     /// Blocks at 25 Hz that may look ahead.
     pub listen: Vec<Block>,
-    /// Blocks at 25 Hz that look back only.
+    /// Blocks at 25 Hz that only look back.
     pub perform: Vec<Block>,
     /// Constants of the running normalisation.
     pub normaliser: NormaliserConfig,
-    /// For each further head, the number of frames by which it is early: it predicts the frame this
-    /// much later than the one of the look-ahead.
+    /// One number for each further head: from the same sound, it predicts the frame this many
+    /// frames after the main head's.
     #[serde(default)]
     pub sooner: Vec<usize>,
 }
 
-/// A residual block: 3 taps `dilation` apart, `ahead` of them after the own frame.
+/// A residual block: 3 taps `dilation` apart, `ahead` of them after the current frame.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 pub struct Block {
     /// Frames from tap to tap, at least 1.
     pub dilation: usize,
-    /// 0 looks back only, 1 is centred.
+    /// 0 only looks back, 1 is centred.
     pub ahead: usize,
 }
 
 impl Block {
-    /// Frames after its own that a frame depends on.
+    /// Number of later frames that a frame depends on.
     pub(super) fn reach(&self) -> usize {
         self.ahead * self.dilation
     }
@@ -68,11 +68,11 @@ impl Block {
 /// Constants of the running normalisation. Levels are nepers of power, counts are mel frames.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct NormaliserConfig {
-    /// `[64]`, mean log-mel of a voice before any sound.
+    /// `[64]`, mean log-mel that is assumed for the voice before any sound.
     pub prior_colour: Vec<f32>,
-    /// Level of loud frames before any sound.
+    /// Level of loud frames that is assumed before any sound.
     pub prior_peak: f32,
-    /// Weight of the prior colour.
+    /// Weight of the prior colour, as a number of active frames.
     pub prior_frames: f32,
     /// Number of active frames after which the mean begins to forget.
     pub memory_frames: f32,
@@ -90,7 +90,7 @@ impl CausalConfig {
     /// From the text of `config.json`.
     ///
     /// # Errors
-    /// `Weights` if it is unreadable or needs something that this code does not have.
+    /// `Weights` if it is unreadable or needs something that this code does not support.
     pub fn from_json(text: &str) -> Result<Self> {
         let config: CausalConfig =
             serde_json::from_str(text).map_err(|e| Error::Weights(format!("causal model: {e}")))?;
@@ -142,14 +142,14 @@ impl CausalConfig {
         }
     }
 
-    /// Mel frames after `4 t` that frame `t` depends on.
+    /// Number of mel frames after `4 t` that frame `t` depends on.
     fn mel_ahead(&self) -> usize {
         let reach = |blocks: &[Block]| blocks.iter().map(Block::reach).sum::<usize>();
         let fine = STEM_AHEAD + 2 * reach(&self.fine) + 2 * DOWN_AHEAD;
         fine + MEL_PER_FRAME * reach(&self.listen)
     }
 
-    /// Frame `t` depends on samples below `640 t` plus this number, which includes half of a mel
+    /// Frame `t` depends on samples below `640 t` plus this number. It includes half of a mel
     /// frame's window.
     pub fn look_ahead_samples(&self) -> usize {
         HOP * self.mel_ahead() + FRAME / 2
@@ -161,8 +161,8 @@ impl CausalConfig {
         self.look_ahead_samples().saturating_sub(sooner)
     }
 
-    /// The head with the longest look-ahead within `seconds`, rounded as people do. `None` where
-    /// all look further ahead.
+    /// The head with the longest look-ahead of at most `seconds`, with 5 ms of tolerance because
+    /// people round. `None` if every head looks further ahead.
     pub fn head_within(&self, seconds: f64) -> Option<Option<usize>> {
         let heads = std::iter::once(None).chain((0..self.sooner.len()).map(Some));
         let within = heads

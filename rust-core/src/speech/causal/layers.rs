@@ -1,7 +1,7 @@
-//! Layers that take one frame at a time and keep what they still need of the past.
+//! Layers that take one frame at a time and keep only the past frames they still need.
 //!
-//! A layer that looks ahead answers late: it says nothing for its first frames, then each frame
-//! yields the answer to an earlier one. Zeros stand before the first frame.
+//! A layer that looks ahead has a delay: it gives no output for its first frames, then each frame
+//! yields the output of an earlier one. Zeros stand before the first frame.
 
 use ndarray::Array2;
 
@@ -36,7 +36,7 @@ impl History {
         }
     }
 
-    /// Puts a new frame over the oldest and lends it.
+    /// Overwrites the oldest frame with a new one and returns the stored copy.
     pub fn push(&mut self, row: &[f32]) -> &mut [f32] {
         let at = self.place(self.count);
         self.count += 1;
@@ -45,7 +45,7 @@ impl History {
         target
     }
 
-    /// The frame `age` before the last.
+    /// The frame `age` frames before the newest.
     pub fn back(&self, age: usize) -> &[f32] {
         let frames = self.rows.len() / self.channels;
         let at = self.place(self.count + frames - 1 - age);
@@ -57,7 +57,7 @@ impl History {
     }
 }
 
-/// A convolution as one product over its gathered taps; PyTorch's `nn.Conv1d`.
+/// A convolution like PyTorch's `nn.Conv1d`, computed as one product over its gathered taps.
 pub(super) struct Taps {
     product: Linear,
     taps: usize,
@@ -79,7 +79,7 @@ impl Taps {
         })
     }
 
-    /// Room for the frames that it needs.
+    /// An empty history with room for the frames that the convolution needs.
     pub fn history(&self) -> History {
         let channels = self.product.inputs() / self.taps;
         History::new((self.taps - 1) * self.dilation + 1, channels)
@@ -89,7 +89,7 @@ impl Taps {
         self.product.outputs()
     }
 
-    /// Output for the newest taps of `past`; `gathered` is working memory.
+    /// Output for the newest taps of `past`. `gathered` is scratch memory.
     pub fn apply(&self, past: &History, gathered: &mut Vec<f32>, out: &mut [f32]) {
         gathered.clear();
         for tap in (0..self.taps).rev() {
@@ -106,7 +106,7 @@ pub(super) struct Halving {
 }
 
 impl Halving {
-    /// `shape`: `[out, in, taps]`; `ahead` taps stand after the own frame.
+    /// `shape`: `[out, in, taps]`. `ahead` taps lie after the current frame.
     pub fn load(weights: &Weights, shape: [usize; 3], ahead: usize) -> Result<Self> {
         let taps = Taps::load(weights, shape, 1)?;
         Ok(Halving { taps, ahead })
@@ -120,7 +120,7 @@ impl Halving {
         }
     }
 
-    /// Takes a frame; every other one completes an output.
+    /// Takes a frame. Every second frame completes an output.
     pub fn step<'s>(&self, state: &'s mut HalvingState, x: &[f32]) -> Option<&'s [f32]> {
         state.past.push(x);
         let last = state.past.count - 1;
@@ -134,7 +134,7 @@ impl Halving {
     }
 }
 
-/// What a [`Halving`] remembers.
+/// State of a [`Halving`].
 #[derive(Debug, Clone)]
 pub(super) struct HalvingState {
     past: History,
@@ -142,7 +142,7 @@ pub(super) struct HalvingState {
     out: Vec<f32>,
 }
 
-/// x + mix(GELU(conv(norm(x)))); the answer comes `reach` frames late.
+/// x + mix(GELU(conv(norm(x)))). The output comes `reach` frames late.
 pub(super) struct CausalBlock {
     norm: LayerNorm,
     conv: Taps,
@@ -172,7 +172,7 @@ impl CausalBlock {
         }
     }
 
-    /// Takes a frame; answers an earlier one once it has seen enough.
+    /// Takes a frame. Returns the output of the frame `reach` earlier, once there is one.
     pub fn step<'s>(&self, state: &'s mut BlockState, x: &[f32]) -> Option<&'s [f32]> {
         state.inputs.push(x);
         self.norm.forward_rows(state.normed.push(x));
@@ -188,7 +188,7 @@ impl CausalBlock {
     }
 }
 
-/// What a [`CausalBlock`] remembers.
+/// State of a [`CausalBlock`].
 #[derive(Debug, Clone)]
 pub(super) struct BlockState {
     inputs: History,
@@ -198,7 +198,7 @@ pub(super) struct BlockState {
     out: Vec<f32>,
 }
 
-/// Passes a frame through blocks in turn; nothing comes out while one of them waits.
+/// Passes a frame through blocks in turn, in place. `None` while one of them waits for more frames.
 pub(super) fn through(
     blocks: &[CausalBlock],
     states: &mut [BlockState],

@@ -1,4 +1,5 @@
-//! The running normalisation: loudness, microphone and voice colour, from what was heard so far.
+//! The running normalisation: removes loudness, microphone and voice colour, judged by the sound so
+//! far.
 
 use super::config::NormaliserConfig;
 use crate::speech::{ACTIVE_RANGE, BANDS, DEEPEST, QUIETEST_LEVEL, SCALE};
@@ -7,11 +8,11 @@ const QUANTILE: f32 = 0.95;
 
 /// A causal [`crate::speech::normalise`]; twin of `normalise_running` in `training/speech/causal.py`.
 ///
-/// The level of a frame is its mean over bands. `peak` follows the 95 % quantile of levels by steps
-/// (up 0.95, down 0.05 of a step that shrinks while the first voice is heard). Frames within 4 nepers
-/// below the peak, and not under −9, move the colour: a mean that starts from the prior and forgets
-/// after `memory_frames`. If the colour's mean is below the peak less `peak_over_level`, or below
-/// −9, it is raised to that.
+/// The level of a frame is its mean over bands. `peak` follows the 95 % quantile of levels in steps:
+/// up by 0.95 or down by 0.05 of a step size, which shrinks while the first voice is heard. Frames
+/// at most 4 nepers below the peak, and not below −9, update the colour: a mean that starts from the
+/// prior and forgets after `memory_frames`. If the colour's mean is below the peak minus
+/// `peak_over_level`, or below −9, it is raised to that.
 #[derive(Debug, Clone)]
 pub(super) struct RunningNormaliser {
     config: NormaliserConfig,
@@ -21,7 +22,7 @@ pub(super) struct RunningNormaliser {
 }
 
 impl RunningNormaliser {
-    /// Nothing heard yet.
+    /// The state before any sound.
     pub fn new(config: &NormaliserConfig) -> Self {
         RunningNormaliser {
             colour: std::array::from_fn(|band| config.prior_colour[band]),
@@ -31,8 +32,8 @@ impl RunningNormaliser {
         }
     }
 
-    /// Hears one frame of raw log-mel and normalises it, in place; whether it is loud enough to be the
-    /// voice.
+    /// Normalises the next frame of raw log-mel in place. Returns whether it is loud enough to be
+    /// the voice.
     pub fn hear(&mut self, row: &mut [f32; BANDS]) -> bool {
         let config = &self.config;
         let level = mean(row);

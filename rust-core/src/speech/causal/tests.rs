@@ -1,4 +1,4 @@
-//! Facts about causal networks and what is heard through them.
+//! Tests of causal networks and their streams.
 
 use ndarray::{Array1, Array2};
 use proptest::prelude::*;
@@ -157,7 +157,7 @@ fn sound_after_the_look_ahead_changes_nothing_and_the_last_sample_before_it_does
         let after = change(edge, 0.7);
         assert_eq!(after[..=frame], before[..=frame]);
         assert_ne!(after[frame + 1], before[frame + 1]);
-        // The window's very last samples weigh next to nothing; a millisecond tells.
+        // The window's very last samples weigh almost nothing, so change a whole millisecond.
         assert_ne!(change(edge - 16, 0.7)[frame], before[frame]);
     }
 }
@@ -300,7 +300,7 @@ fn a_model_of_other_rows_is_refused() {
 }
 
 mod twin {
-    //! The network as whole-clip convolutions, written as the sums they are.
+    //! The network as convolutions over the whole clip, written as plain sums.
 
     use super::*;
 

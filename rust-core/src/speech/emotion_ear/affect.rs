@@ -1,14 +1,15 @@
 //! Valence and arousal of the emotions that an ear hears.
 //!
-//! They are means of words in Table 4 of Russell and Mehrabian (1977), "Evidence for a three-factor theory of emotions",
-//! Journal of Research in Personality 11, 273–294: people rated how they feel in 151 emotional states, from −1 to 1.
+//! The values are mean ratings of words in Table 4 of Russell and Mehrabian (1977), "Evidence for a
+//! three-factor theory of emotions", Journal of Research in Personality 11, 273–294. In that study,
+//! people rated how they feel in 151 emotional states, from −1 to 1.
 
 use crate::conditions::EMOTIONS;
 
 /// Valence and arousal of each of [`EMOTIONS`], and the word of the table that stands for it.
 ///
-/// Neutral and drunk are no words of the table and are its origin. Calm has the place of bored, because bored voices are
-/// what the built-in ear was taught under that name.
+/// Neutral and drunk are not in the table and get its origin. Calm gets the values of bored,
+/// because bored voices were the training data of the built-in ear for calm.
 const PLACES: [(&str, [f64; 2]); EMOTIONS.len()] = [
     ("", [0.0, 0.0]),
     ("happy", [0.81, 0.51]),
@@ -27,7 +28,7 @@ const PLACES: [(&str, [f64; 2]); EMOTIONS.len()] = [
     ("", [0.0, 0.0]),
 ];
 
-/// Valence and arousal that are expected under probabilities of [`EMOTIONS`], each −1 to 1.
+/// Expected valence and arousal for probabilities of [`EMOTIONS`], each −1 to 1.
 pub(super) fn valence_and_arousal(shares: &[f64; EMOTIONS.len()]) -> [f64; 2] {
     [0, 1].map(|axis| {
         let places = shares.iter().zip(PLACES);
@@ -39,7 +40,7 @@ pub(super) fn valence_and_arousal(shares: &[f64; EMOTIONS.len()]) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// Of an emotion that is so likely, where nothing else but neutral is.
+    /// Valence and arousal if `emotion` has probability `share` and neutral has the rest.
     fn of(emotion: &str, share: f64) -> [f64; 2] {
         let mut shares = EMOTIONS.map(|name| if name == emotion { share } else { 0.0 });
         shares[0] += 1.0 - share;

@@ -1,4 +1,4 @@
-//! What an ear hears: the probability of each emotion over time, and what a face shows of it.
+//! The result of an ear: the probability of each emotion over time, and what a face shows of it.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -10,32 +10,35 @@ use crate::{
 /// How likely each emotion is over time.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct HeardEmotion {
-    /// The middle of what each instant hears, seconds.
+    /// The middle of the window of sound at each instant, seconds.
     pub time_s: Vec<f64>,
-    /// Probabilities of the emotions that the ear was taught at these instants, by name.
+    /// Probabilities at these instants of the emotions in the ear's training data, by name.
     pub probability: BTreeMap<String, Vec<f64>>,
-    /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
+    /// How strongly a face shows the emotion at these instants: 0 where neutral is as likely as it
+    /// is for strangers who read aloud.
     pub intensity: Vec<f64>,
-    /// How pleasant what is heard is at these instants, −1 to 1: the mean over the probabilities of where people place each
-    /// emotion. It is derived from the probabilities and not measured by itself, as is `arousal`.
+    /// How pleasant the emotion is at these instants, −1 to 1: the mean of people's ratings of each
+    /// emotion, weighted by the probabilities. Like `arousal`, it is derived from the probabilities
+    /// and not measured by itself.
     pub valence: Vec<f64>,
-    /// How excited it is, −1 to 1.
+    /// How excited the emotion is at these instants, −1 to 1.
     pub arousal: Vec<f64>,
 }
 
 impl HeardEmotion {
-    /// It as reports have it, one JSON object.
+    /// One JSON object, as in reports.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers and names")
     }
 
-    /// What a face shows of it: nothing where neutral is as likely as in readings of strangers, weakly where it is
-    /// hardly less likely.
+    /// What a face shows of it: nothing where neutral is as likely as it is for strangers who read
+    /// aloud, and little where neutral is only slightly less likely.
     pub fn curve(&self) -> EmotionCurve {
         self.curve_of(shown)
     }
 
-    /// What a face shows of a recording that is chosen for its emotion: as strongly as neutral is unlikely.
+    /// What a face shows of a recording that was chosen for its emotion. The intensity is how
+    /// unlikely neutral is.
     pub fn curve_on_purpose(&self) -> EmotionCurve {
         self.curve_of(shown_on_purpose)
     }
@@ -56,7 +59,7 @@ impl HeardEmotion {
         EMOTIONS.map(|name| self.probability.get(name).map_or(0.0, |of| of[k]))
     }
 
-    /// The instants of a span of seconds.
+    /// The part whose instants lie in a span of seconds.
     #[must_use]
     pub fn between(&self, span_s: Range<f64>) -> HeardEmotion {
         let first = self.time_s.partition_point(|time_s| *time_s < span_s.start);
@@ -77,7 +80,7 @@ impl HeardEmotion {
         }
     }
 
-    /// The same so many seconds later.
+    /// The same, shifted to be `by_s` seconds later.
     #[must_use]
     pub fn later(mut self, by_s: f64) -> HeardEmotion {
         self.time_s
@@ -86,7 +89,7 @@ impl HeardEmotion {
         self
     }
 
-    /// Adds what is heard after it.
+    /// Appends the part that follows.
     pub fn extend(&mut self, next: HeardEmotion) {
         self.time_s.extend(next.time_s);
         self.intensity.extend(next.intensity);
@@ -98,7 +101,7 @@ impl HeardEmotion {
     }
 }
 
-/// To thousandths.
+/// Rounds to thousandths.
 pub(super) fn rounded(x: f64) -> f64 {
     (x * 1e3).round() / 1e3
 }

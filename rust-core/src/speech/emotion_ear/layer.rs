@@ -1,4 +1,5 @@
-//! The linear layer of an ear: from a row of numbers for each window to the probability of each emotion over time.
+//! The linear layer of an ear: turns a row of numbers for each window into the probability of each
+//! emotion over time.
 
 use ndarray::{Array1, Array2, ArrayView1};
 
@@ -14,32 +15,35 @@ use crate::{
     speech::{VoiceWindow, shown_emotion::shown},
 };
 
-/// Deviations of a number that are still counted.
+/// Numbers are clamped to this many standard deviations from their mean.
 const LARGEST: f64 = 6.0;
-/// Shares of a window that has a pitch from which it counts, and counts in full.
+/// A window counts if more than this share of its frames has a pitch.
 const LEAST_VOICED: f64 = 0.1;
+/// From this share on, it counts in full.
 const FULLY_VOICED: f64 = 0.3;
-/// Nepers of power under the loudest window from which one counts less, and no longer.
+/// A window counts less if it is more than this far below the loudest one, nepers of power.
 const QUIET: f64 = 2.0;
+/// From this distance on, it does not count.
 const SILENT: f64 = 3.5;
-/// A neutral instant that is heard before all others: its weight, and its logit.
+/// Weight of an assumed neutral instant, which is added to the others.
 const BEFORE: f64 = 0.3;
+/// Its logit for neutral.
 const BEFORE_NEUTRAL: f64 = 3.0;
 const WINDOW_ROWS: f64 = 200.0;
-/// Weight of the whole sound beside that of the moment.
+/// Weight of the whole sound. The moment has the rest.
 const WHOLE_SHARE: f64 = 0.5;
-/// Of the instants of a voice every second one is heard: 320 ms.
+/// Only every second instant of a voice is used, one in 320 ms.
 pub(super) const EVERY: usize = 2;
-/// Instants before and after that are heard with one, about a second.
+/// Instants on either side that are averaged with an instant, about a second.
 pub(super) const AROUND: usize = 3;
 
-/// What one window says.
+/// The evidence of one window.
 #[derive(Clone)]
 pub(super) struct Instant {
     logits: Array1<f64>,
     /// Level of the window's loud frames, nepers of power.
     loud: f64,
-    /// How much of a voice is in the window, 0 to 1.
+    /// How much voice is in the window, 0 to 1.
     voice: f64,
 }
 
@@ -55,7 +59,7 @@ impl Instant {
         }
     }
 
-    /// How much it counts beside a window that is as loud as the loudest.
+    /// The weight of the window, given the level of the loudest one.
     fn weight(&self, loudest: f64) -> f64 {
         let under = (loudest - self.loud - QUIET) / (SILENT - QUIET);
         self.voice * (1.0 - under).clamp(0.0, 1.0)
@@ -77,10 +81,12 @@ pub(super) struct EmotionLayer {
 }
 
 impl EmotionLayer {
-    /// Reads `mean`, `scale`, `weight`, `bias` and `readers` of `model` for rows of so many numbers.
+    /// Reads `mean`, `scale`, `weight`, `bias` and `readers` of `model`, for rows of this many
+    /// numbers.
     ///
     /// # Errors
-    /// `Weights` if an array is missing or has another shape, or an emotion is none that a face can show.
+    /// `Weights` if an array is missing or has a wrong shape, a `scale` is not positive, an emotion
+    /// is not one that a face can show, or neutral is not among them.
     pub fn load(
         model: &str,
         weights: &Weights,
@@ -119,7 +125,7 @@ impl EmotionLayer {
         })
     }
 
-    /// What one row says of the emotions, `[emotions]`.
+    /// Logits of the emotions for one row, `[emotions]`.
     pub fn logits(&self, mut row: Array1<f64>, neutral: Option<&NeutralVoice>) -> Array1<f64> {
         if let Some(neutral) = neutral {
             row += &neutral.offset;
@@ -128,10 +134,11 @@ impl EmotionLayer {
         x.mapv(|x| x.clamp(-LARGEST, LARGEST)).dot(&self.weight) + &self.bias
     }
 
-    /// How likely each emotion is at the windows of a voice, each of which has a row.
+    /// How likely each emotion is at each window of a voice. `rows` has one row for each window.
     ///
-    /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
-    /// little of a voice count little. The rule is ours.
+    /// The logits of an instant are the mean of two averages: one over the second before and after
+    /// it, and one over the whole sound. In both, windows with little voice count little. The rule
+    /// is ours.
     pub fn heard(
         &self,
         windows: &[VoiceWindow],
@@ -163,7 +170,7 @@ impl EmotionLayer {
         }
     }
 
-    /// How a speaker sounds while he feels nothing, from the windows of such a recording and their rows.
+    /// How a speaker sounds without emotion, from the windows of such a recording and their rows.
     ///
     /// # Errors
     /// `Audio` if nobody speaks in it.
@@ -189,7 +196,8 @@ impl EmotionLayer {
         (0..instants.len()).map(at).collect()
     }
 
-    /// The mean of instants by how much of a voice each hears, `[emotions]`.
+    /// Mean logits of the instants and the assumed neutral one, `[emotions]`, weighted by how much
+    /// voice each contains and how loud it is.
     pub fn evidence<'a>(
         &self,
         instants: impl Iterator<Item = &'a Instant>,
@@ -206,7 +214,8 @@ impl EmotionLayer {
         sum / total
     }
 
-    /// Probabilities of [`EMOTIONS`] from the evidence of the moment and of the whole, `[emotions]` each.
+    /// Probabilities of [`EMOTIONS`] from the evidence of the moment and of the whole sound,
+    /// `[emotions]` each.
     pub fn probabilities(&self, near: &Array1<f64>, whole: &Array1<f64>) -> [f64; EMOTIONS.len()] {
         let logits = whole * WHOLE_SHARE + near * (1.0 - WHOLE_SHARE);
         self.by_emotion(logits.view())
@@ -228,7 +237,7 @@ fn loudest(levels: impl Iterator<Item = f64>) -> f64 {
     levels.fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The place of an emotion that was checked when the layer was loaded.
+/// The index of an emotion whose name was checked when the layer was loaded.
 fn place_of(name: &str) -> usize {
     let place = EMOTIONS.iter().position(|known| *known == name);
     place.expect("checked when it was loaded")

@@ -1,4 +1,4 @@
-//! What is heard of somebody's emotion while he is speaking.
+//! Recognises a speaker's emotion while he is speaking.
 
 use std::{collections::VecDeque, sync::Arc};
 
@@ -11,18 +11,18 @@ use crate::{
     speech::{VoiceWindow, shown_emotion::shown},
 };
 
-/// Instants that are remembered as the whole, a minute and a half.
+/// Instants that are stored and count as the whole sound, a minute and a half.
 const MEMORY: usize = 300;
 
-/// What [`EmotionEar::emotion`] hears of the whole, but that the whole is what was heard so far, and the moment the
-/// second before it.
+/// Recognises emotion as `EmotionEar::heard` does without a neutral voice, with two differences. The
+/// whole sound is that of the last minute and a half, and the moment is the second before now.
 pub struct LiveEar {
     ear: Arc<EmotionEar>,
-    /// Instants that came, of which one in [`EVERY`] is heard.
+    /// Number of instants so far, of which one in [`EVERY`] is used.
     instants: usize,
     /// Level of the loudest window so far.
     loudest: f64,
-    /// What was heard so far and counts, the newest last.
+    /// The stored instants, the newest last.
     heard: VecDeque<Instant>,
 }
 
@@ -37,7 +37,7 @@ impl LiveEar {
         }
     }
 
-    /// Hears the two seconds before an instant.
+    /// Takes the window of up to two seconds that ends at the next instant.
     pub fn hear(&mut self, window: &VoiceWindow) {
         self.instants += 1;
         if !(self.instants - 1).is_multiple_of(EVERY) {
@@ -51,7 +51,7 @@ impl LiveEar {
         self.heard.push_back(Instant::of(window, logits));
     }
 
-    /// What is felt now; neutral before 0.8 s were heard.
+    /// The emotion now; neutral until 0.8 s have been heard.
     pub fn emotion(&self) -> Emotion {
         let layer = &self.ear.layer;
         let whole = layer.evidence(self.heard.iter(), self.loudest);

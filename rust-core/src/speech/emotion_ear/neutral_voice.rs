@@ -4,23 +4,24 @@ use ndarray::Array1;
 
 use crate::{Error, Result};
 
-/// Number of windows at which a speaker's own voice counts by half.
+/// Number of windows at which a speaker's own voice gets half of the weight.
 ///
-/// The mean of few windows depends on the words rather than on the speaker.
+/// The mean of a few windows depends on the words more than on the speaker.
 const HALF_BELIEVED: f64 = 12.0;
-/// Least mean weight of the windows for a voice. Hiss has 0.1, speech 0.5 and more.
+/// A recording has a voice if the mean weight of its windows is above this. Hiss has 0.1, speech 0.5
+/// and more.
 const LEAST_VOICE: f64 = 0.25;
 
 /// A speaker's neutral voice, as an ear hears it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NeutralVoice {
-    /// The offset of every row of the speaker, `[outputs + 118]`.
+    /// The offset that is added to every row of the speaker, `[R]`.
     pub(super) offset: Array1<f64>,
 }
 
 impl NeutralVoice {
-    /// The difference between the weighted mean of rows and that of `readers`, reduced where there
-    /// is little voice.
+    /// From rows with their weights. The offset is `readers` minus the weighted mean of the rows,
+    /// reduced if there is little voice.
     ///
     /// # Errors
     /// `Audio` if nobody speaks.

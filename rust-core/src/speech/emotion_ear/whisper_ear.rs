@@ -1,5 +1,5 @@
-//! The same on Whisper base itself, from a user's folder, in place of the small network that
-//! imitates it.
+//! An ear for emotion that uses Whisper base itself, from a user's folder, in place of the small
+//! network that imitates it.
 
 use std::path::Path;
 
@@ -27,11 +27,11 @@ use crate::{
 /// Built-in weights of the layer on Whisper's outputs.
 pub static EMOTION_OF_WHISPER: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_OF_WHISPER);
 
-/// Numbers of a channel: its mean, its deviation and its change over a window.
+/// Numbers per channel: its mean, its deviation and its change over a window.
 const STATISTICS: usize = 3;
-/// Frames of 10 ms of a feature of Whisper.
+/// Frames of 10 ms per feature of Whisper.
 const FRAMES: usize = (100.0 / RATE_HZ) as usize;
-/// Features of the shortest window: its change and deviation need two.
+/// Least number of features in a window: change and deviation need two.
 const LEAST_FEATURES: usize = 2;
 
 /// `config.json` beside the weights.
@@ -45,7 +45,7 @@ struct Config {
     emotions: Vec<String>,
 }
 
-/// Recognises emotions in a voice by the middle layers of Whisper base.
+/// Recognises emotions in a voice from the middle layers of Whisper base.
 ///
 /// It distinguishes emotions much better than [`super::EmotionEar`], whose network is a hundredth
 /// of Whisper's size, but it is slower and does not run live.
@@ -56,10 +56,11 @@ pub struct WhisperEar {
 }
 
 impl WhisperEar {
-    /// Whisper base from its Hugging Face folder, under the built-in layer or that of `models`.
+    /// Whisper base from its Hugging Face folder, with the built-in layer or the one in `models`.
     ///
     /// # Errors
-    /// `Io` if a file cannot be read; `Weights` if one is damaged, or the folder holds another Whisper.
+    /// `Io` if a file cannot be read; `Weights` if one is damaged or the folder holds a different
+    /// Whisper.
     pub fn open(folder: &Path, models: Option<&Path>) -> Result<Self> {
         let files = EMOTION_OF_WHISPER.open(models)?;
         let weights = Weights::from_bytes(&files.weights)?;
@@ -192,7 +193,7 @@ mod tests {
 
     const GOLDEN: &str = "emotion_of_whisper_debug";
 
-    /// The golden's Whisper as a Hugging Face folder, with `edit` on its first bias.
+    /// The golden's Whisper as a Hugging Face folder, with `edit` applied to its first bias.
     fn folder(golden: &Golden, edit: fn(f32) -> f32) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(

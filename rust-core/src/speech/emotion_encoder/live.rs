@@ -12,8 +12,8 @@ use super::{
 /// Number of stored instants: one after the frame, one before it, one that came early.
 const INSTANTS: usize = 3;
 
-/// Gives the same as [`EmotionEncoder::at_frames`] for the whole voice, with two differences. The
-/// level is that of the voice so far, and the first 0.8 s get the mean of the training data.
+/// Gives the same as [`EmotionEncoder::at_frames`] does for the whole voice, with two differences.
+/// The level is that of the voice so far, and the first 0.8 s get the mean of the training data.
 pub struct LiveEmotion {
     encoder: Arc<EmotionEncoder>,
     ear: Ear,
@@ -23,7 +23,8 @@ pub struct LiveEmotion {
     frames: VecDeque<HeardFrame>,
     /// Number of frames of 10 ms so far.
     heard: usize,
-    /// Instants and their features, the newest last. An instant is the number of frames before it.
+    /// Instants and their features, the newest last. An instant is given as the number of frames
+    /// before it.
     instants: VecDeque<(usize, Array1<f64>)>,
 }
 
@@ -42,14 +43,15 @@ impl LiveEmotion {
         }
     }
 
-    /// Adds the samples about the next 10 ms. Returns the last two seconds where an instant ends.
+    /// Adds the samples around the next 10 ms. At an instant, returns the window of the last two
+    /// seconds.
     pub fn hear(&mut self, stretch: &[f32; FRAME]) -> Option<VoiceWindow> {
         let loudest = stretch.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         let gain = |peak: f32| if peak > SILENT { PEAK / peak } else { 1.0 };
         let (before, now) = (gain(self.peak), gain(loudest));
         if before != now {
-            // The earlier frames become as if they had been scaled like this from the start.
-            // Log-mel is of power.
+            // Change the earlier frames as if this gain had applied from the start. Log-mel is of
+            // power, hence the factor 2.
             let shift = 2.0 * (now / before).ln();
             let mel = self.frames.iter_mut().flat_map(|frame| &mut frame.mel);
             mel.for_each(|x| *x += shift);

@@ -17,7 +17,7 @@ fn array(file: &SafeTensors<'_>, name: &str) -> Array2<f32> {
     Array2::from_shape_vec((view.shape()[0], view.shape()[1]), floats(&view)).unwrap()
 }
 
-/// The golden's model, its file, and its text.
+/// The model in the golden file, the file's bytes, and its text.
 fn debug_model() -> (PhoneModel, Vec<u8>, String) {
     let path = "/../tests/goldens/phones_debug.safetensors";
     let bytes = std::fs::read(format!("{}{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -122,7 +122,7 @@ fn texts_that_cannot_be_are_refused() {
 
 #[test]
 fn a_change_of_phone_costs() {
-    // One row with another phone that is a little louder changes nothing. Six rows do.
+    // One row in which another phone is a little likelier changes nothing. Six rows do.
     let row = |class: usize| if class == 0 { [0.0, -2.0] } else { [-2.0, 0.0] };
     let rows = |classes: &[usize]| {
         let values: Vec<f32> = classes.iter().flat_map(|class| row(*class)).collect();

@@ -1,4 +1,4 @@
-//! The encoders against Hugging Face's numbers, and against damaged folders.
+//! Compares the encoders with Hugging Face's numbers, and reads damaged folders.
 
 use super::*;
 use crate::{
@@ -62,7 +62,7 @@ fn chosen_layer_is_that_hidden_state_at_50_hz() {
     }
 }
 
-/// Writes a golden as a Hugging Face folder; `edit` may change names, shapes and values.
+/// Writes a golden file as a Hugging Face folder. `edit` may change names, shapes and values.
 fn folder(golden: &Golden, edit: impl Fn(Named) -> Named) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     golden.write_arrays("weights.", &folder.path().join("model.safetensors"), edit);
@@ -181,7 +181,7 @@ fn long_sound_is_encoded_in_spans_of_bounded_length() {
         .hidden
         .swap_remove(0);
     let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
-    // The state before the first layer depends on near frames alone, so spans change nothing.
+    // The state before the first layer depends only on nearby frames, so spans change nothing.
     assert_eq!(track.features.dim(), whole.dim());
     assert!(distance(&track.features, &whole) < 1e-4);
 }
@@ -198,7 +198,7 @@ fn damaged_folders_are_refused_or_encode() {
             damage(&folder.path().join(file), seed);
             let encoder = from_folder(folder.path(), None, None);
             let samples = golden.values("input");
-            // What it says of the sound is looked through where the motion is.
+            // The features may hold any numbers: later code checks the motion made from them.
             let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }, SILENT));
         }
     }

@@ -1,4 +1,4 @@
-//! Facts about the gate; how much of speech it lets through is measured by `anyface-eval live`.
+//! Tests of the gate. `anyface-eval live` measures how much of the speech it lets through.
 
 use std::f32::consts::TAU;
 
@@ -24,7 +24,7 @@ fn shares(samples: &[f32], cut: usize) -> Vec<f32> {
     shares
 }
 
-/// Syllables through three formants, whose pitch moves by so much, up to 3 s.
+/// 3 s of syllables through three formants. `moves`: how far their pitch glides.
 fn syllables(moves: f32) -> Vec<f32> {
     let mut phase = 0.0;
     let sample = |i: usize| {

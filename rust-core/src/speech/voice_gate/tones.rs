@@ -1,7 +1,8 @@
-//! How steadily partials stand: those of music keep their pitch for the length of a note, those of a voice glide.
+//! Measures how steady partials are. Those of music keep their pitch for the length of a note,
+//! those of a voice glide.
 //!
-//! After the continuous activation of Seyerlehner et al., "Automatic music detection in television productions"
-//! (DAFx 2007), of the past alone.
+//! Follows the continuous activation of Seyerlehner et al., "Automatic music detection in
+//! television productions" (DAFx 2007), but uses past sound alone.
 
 use std::{collections::VecDeque, f32::consts::TAU, sync::Arc};
 
@@ -11,19 +12,21 @@ use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 pub(super) const WINDOW: usize = 256;
 /// Samples of a spectrum, 64 ms: bins of 15.6 Hz.
 const SPECTRUM: usize = 4 * WINDOW;
-/// Bins from 500 Hz, below which a voice's partials hardly leave theirs, to 4 kHz.
+/// Bins from 500 Hz to 4 kHz. Below 500 Hz the partials of a voice hardly leave their bins.
 const FIRST: usize = 32;
 const BINS: usize = 228;
-/// So many bins to either side of one are its surroundings, over whose mean level a partial stands by so many nepers of
-/// power.
+/// This many bins on either side of a bin are its surroundings.
 const AROUND: usize = 10;
+/// A partial exceeds the mean level of its surroundings by more than this, nepers of power.
 const PROMINENCE: f32 = 2.0;
-/// Below this is no sound.
+/// Power that is added to every bin, so that silence has no partials.
 const FLOOR: f32 = 1e-9;
-/// Windows that are remembered, 0.77 s, and the fewest of a voice that say anything.
+/// Number of windows that are remembered, 0.77 s.
 const MEMORY: usize = 48;
+/// If fewer windows have a voice, the steadiness is computed as if this many had, so that a few
+/// windows do not look steady.
 const FEWEST: usize = 12;
-/// The partials that count: the steadiest.
+/// How many partials count: the steadiest ones.
 const PARTIALS: usize = 6;
 
 /// The partials of the last windows.
@@ -35,7 +38,7 @@ pub(super) struct Tones {
     spectrum: Vec<Complex<f32>>,
     scratch: Vec<Complex<f32>>,
     levels: Vec<f32>,
-    /// Where partials stood in each window, and nothing where no voice was heard.
+    /// The bins with partials in each window; `None` for a window without a voice.
     windows: VecDeque<Option<[bool; BINS]>>,
     counts: [u16; BINS],
     voiced: usize,
@@ -59,8 +62,8 @@ impl Tones {
         }
     }
 
-    /// Hears a window, in which `is_voiced` somebody may speak. Returns in what share of the windows that may be a voice the
-    /// steadiest partials stood where they were, 0 to 1.
+    /// Hears a window. `is_voiced`: somebody may be speaking in it. Returns the steadiness, 0 to 1:
+    /// the share of the voiced windows in which the steadiest bins had a partial.
     pub fn hear(&mut self, window: &[f32; WINDOW], is_voiced: bool) -> f32 {
         self.past.copy_within(WINDOW.., 0);
         self.past[SPECTRUM - WINDOW..].copy_from_slice(window);
@@ -84,7 +87,7 @@ impl Tones {
         f32::from(steadiest) / (PARTIALS * self.voiced.max(FEWEST)) as f32
     }
 
-    /// Which bins stand out of the last [`SPECTRUM`] samples.
+    /// Which bins have a partial in the last [`SPECTRUM`] samples.
     fn partials(&mut self) -> [bool; BINS] {
         let shaped = self.past.iter().zip(&self.shape).map(|(x, w)| x * w);
         self.framed

@@ -44,7 +44,7 @@ fn face(engine: &Engine, has_tongue: bool) -> Face {
     engine.find(&mesh, &options, SILENT).unwrap()
 }
 
-/// A jaw that is `open_m` down in each frame.
+/// Motion of a jaw that is lowered by `open_m` metres in each frame.
 fn jaw(open_m: &[f32]) -> Motion {
     let lower = |n: usize| (4..13).contains(&n) || (55..60).contains(&n) || (65..68).contains(&n);
     Motion::Landmarks(LandmarkClip {
@@ -228,7 +228,7 @@ fn the_shares_of_a_pose_are_those_that_made_it() {
             1000.0 * face.metres_per_unit() as f32 * off.fold(0.0f32, |most, x| most.max(x.abs()));
         assert!(off < 0.2, "{row:?} {:?}: {off} mm", pose.tongue);
     }
-    // A tongue that nobody has moved rests.
+    // A tongue that nobody posed is at rest.
     let mut moved = shown.index_axis(Axis(0), 1).to_owned();
     let first = face.mesh.positions.len() - TONGUE_VERTICES;
     moved.slice_mut(s![first.., ..]).fill(0.0);

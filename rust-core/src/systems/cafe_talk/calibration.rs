@@ -1,23 +1,24 @@
 //! Scales events to their requested strength: strength 1 is the full shape of a unit on either
 //! side.
 //!
-//! This is ours. With guidance alone a unit reaches 0.4 to 1.3 of its shape, and the two sides of a
-//! face differ.
+//! The paper has no such step. With guidance alone, a unit reaches 0.4 to 1.3 of its shape, and the
+//! two sides of a face differ.
 
 use std::ops::Range;
 
 use ndarray::{Array2, ArrayRef2, ArrayView1, ArrayViewMut1};
 
-/// A shape that the network moves by less than this follows the event's own rise and fall instead.
+/// If the network moves a shape by less than this, the shape follows the event's own rise and fall.
 const UNHEARD: f32 = 0.02;
 /// Frames with less than this share of the largest change do not limit the gain.
 const LEAST_SHARE: f32 = 0.1;
 /// Largest factor by which a shape's change grows.
 const MOST_GAIN: f32 = 6.0;
 
-/// Scales the change of events in `weights` `[T, S]` relative to `plain`, the same speech without
-/// them. Then the largest weight of each shape under an event is the strength in `mask` `[T, S]` (Z
-/// of eq. 6, times the factor of β). Where speech alone goes farther, the weight stays.
+/// Scales the difference that events make in `weights` `[T, S]` compared with `plain`, the same
+/// speech without them. The largest weight of each shape under an event then equals the strength in
+/// `mask` `[T, S]` (Z of eq. 6, times the factor of β). If the speech alone already exceeds that
+/// strength during the event, its weights stay as they are in `plain`.
 pub(super) fn calibrate(weights: &mut Array2<f32>, plain: &ArrayRef2<f32>, mask: &ArrayRef2<f32>) {
     for s in 0..mask.ncols() {
         let strengths = mask.column(s);
@@ -51,7 +52,7 @@ fn reach_strength(
     }
 }
 
-/// Ranges of frames with a strength above 0.
+/// Ranges of consecutive frames with a strength above 0.
 fn runs(strengths: ArrayView1<'_, f32>) -> Vec<Range<usize>> {
     let mut ranges: Vec<Range<usize>> = Vec::new();
     for t in (0..strengths.len()).filter(|&t| strengths[t] > 0.0) {

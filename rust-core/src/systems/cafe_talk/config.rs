@@ -1,4 +1,4 @@
-//! What inference has to know of a Cafe-Talk model.
+//! The config of a Cafe-Talk model, for inference.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,11 +26,12 @@ pub enum CoarseWay {
 pub struct Sampling {
     /// Denoising steps.
     pub steps: usize,
-    /// Which training steps they visit.
+    /// Which training steps these denoising steps visit.
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
-    /// Over how many seconds that noise stays alike (standard deviation). 0: every frame has independent noise.
+    /// Seconds over which that noise is smoothed (standard deviation). 0: every frame has
+    /// independent noise.
     #[serde(default)]
     pub noise_s: f64,
     /// Guidance of speech and coarse condition, eq. 6.
@@ -48,7 +49,7 @@ pub struct CafeTalkConfig {
     pub model: String,
     /// "paper", "compact" or "debug".
     pub name: String,
-    /// Names of the weights of a frame, all ARKit's.
+    /// Names of the weights in a frame, all of them shapes of ARKit.
     pub channels: Vec<String>,
     /// Motion frames per second.
     pub fps: f64,
@@ -72,9 +73,9 @@ pub struct CafeTalkConfig {
     pub band: usize,
     /// How the coarse condition enters.
     pub coarse: CoarseWay,
-    /// Numbers of a style.
+    /// Length of a style's vector.
     pub style_width: usize,
-    /// Numbers of a place in the text space.
+    /// Length of a vector in the text space.
     pub text_width: usize,
     /// The encoder that feeds the model.
     pub speech: SpeechInput,
@@ -82,7 +83,7 @@ pub struct CafeTalkConfig {
     pub diffusion: Diffusion,
     /// Defaults of the reverse process.
     pub sampling: Sampling,
-    /// Emotion categories; always those of [`EMOTIONS`].
+    /// Emotion categories; always [`EMOTIONS`].
     pub emotions: Vec<String>,
     /// Action units; always the first of [`ACTION_UNITS`].
     pub units: Vec<String>,
@@ -136,7 +137,7 @@ impl CafeTalkConfig {
         })
     }
 
-    /// In which pieces a long clip is sampled.
+    /// The windows in which a long clip is sampled.
     pub fn windows(&self) -> Windows {
         Windows {
             fps: self.fps,

@@ -1,10 +1,10 @@
 //! The diffusion transformer of Cafe-Talk and its adapter for fine control.
 //!
 //! Chen et al. 2025, sections 3.1 and 3.2; twin of `training/systems/cafe_talk/denoiser.py`. It
-//! differs from the paper: the coarse condition may change from frame to frame. Modulation comes
-//! from one linear layer for all blocks and a table in each, since only this fits the printed
-//! number of parameters. A unit of the fine condition is active on the left, on the right or on
-//! both sides.
+//! differs from the paper in three ways. The coarse condition may change from frame to frame. The
+//! modulation comes from one linear layer for all blocks and a table in each block, because only
+//! this matches the number of parameters in the paper. A unit of the fine condition is active on
+//! the left, on the right or on both sides.
 
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, concatenate, s};
 
@@ -50,7 +50,7 @@ pub struct Denoiser {
     adapter: Adapter,
     mean: Array1<f32>,
     std: Array1<f32>,
-    /// `[15, E]`, places of the emotions in the text space.
+    /// `[15, E]`, vectors of the emotions in the text space.
     emotions: Array2<f32>,
 }
 
@@ -59,7 +59,7 @@ pub struct Denoiser {
 pub struct Coarse<'a> {
     /// Number of the speaking style.
     pub style: usize,
-    /// `[T, E]`, place of the emotion in the text space.
+    /// `[T, E]`, vector of the emotion in the text space.
     pub emotion: ArrayView2<'a, f32>,
     /// `[T]`.
     pub intensity: &'a [f32],
@@ -71,15 +71,15 @@ pub struct Conditions {
     memory: Vec<RotaryMemory>,
     /// Modulation of every sub-layer, `[T, 6 d]`.
     ada: Array2<f32>,
-    /// Mean of `C_f` over the window for FiLM, `[d]`, where the model uses it.
+    /// Mean of `C_f` over the window, `[d]`, if the coarse condition enters by FiLM.
     heard_by_film: Option<Vec<f32>>,
 }
 
 impl Denoiser {
-    /// From the parts of a model.
+    /// Builds the denoiser from its config and weights.
     ///
     /// # Errors
-    /// `Weights` if one is missing or has another shape.
+    /// `Weights` if an array is missing or has another shape.
     pub fn new(config: CafeTalkConfig, weights: &Weights) -> Result<Self> {
         let width = config.width;
         Ok(Denoiser {
@@ -108,13 +108,13 @@ impl Denoiser {
         &self.config
     }
 
-    /// Places in the text space, `[T, E]`, of mixtures of the emotions `[T, 15]`.
+    /// Vectors in the text space, `[T, E]`, for mixtures of the emotions `[T, 15]`.
     pub fn places(&self, mixtures: ArrayView2<'_, f32>) -> Array2<f32> {
         mixtures.dot(&self.emotions)
     }
 
-    /// Conditions of a window of `frames` frames. `speech` `[T, C]` and `coarse` are null where
-    /// they are `None`.
+    /// Conditions of a window of `frames` frames. If `speech` `[T, C]` or `coarse` is `None`, the
+    /// null condition takes its place.
     pub fn conditions(
         &self,
         frames: usize,
@@ -151,8 +151,8 @@ impl Denoiser {
         self.adapter.condition(active)
     }
 
-    /// One pass in standardised space: noisy `[T, 51]` to clean. Without events only the base model
-    /// runs.
+    /// One pass in standardised space, from noisy `[T, 51]` to clean. Without events, only the base
+    /// model runs.
     pub fn denoise(
         &self,
         noisy: &ArrayRef2<f32>,
@@ -184,7 +184,7 @@ impl Denoiser {
         self.head.forward(&x)
     }
 
-    /// Converts the model's space to weights, in place. `x`: `[T, 51]`.
+    /// Converts `x` `[T, 51]` from the model's space to weights, in place.
     pub fn to_weights(&self, x: &mut Array2<f32>) {
         *x *= &self.std;
         *x += &self.mean;
@@ -299,7 +299,7 @@ impl Block {
 /// Fine control on top of the frozen base (section 3.2, figure 3).
 struct Adapter {
     events: Linear,
-    /// The convolution over neighbouring frames as one product, `[3 d] → [d]`.
+    /// The convolution over neighbouring frames as one matrix product, `[3 d] → [d]`.
     spread: Linear,
     film: Film,
     blocks: Vec<AdapterBlock>,
@@ -319,7 +319,7 @@ impl Adapter {
         })
     }
 
-    /// `[T, 32]` to `[T, d]`; exactly 0 two frames away from any event.
+    /// `[T, 32]` to `[T, d]`; exactly 0 in frames two or more away from any event.
     fn condition(&self, active: ArrayView2<'_, f32>) -> Array2<f32> {
         let frames = active.nrows();
         let has_event: Vec<bool> = active
@@ -383,7 +383,7 @@ impl AdapterBlock {
         })
     }
 
-    /// From `x` and `events` `[T, d]`, the amount to add to `x`.
+    /// The amount to add to `x`, computed from `x` and `events`, all `[T, d]`.
     fn forward(&self, x: &Array2<f32>, events: &Array2<f32>, place: &Modulation) -> Array2<f32> {
         let mut heard = self.norm.forward(x);
         heard += events;

@@ -1,10 +1,9 @@
-//! Where an event gives way to the speech: jaw and chin follow the opening of the speech.
+//! Makes events give way to speech: their jaw and chin follow the opening of the spoken mouth.
 //!
 //! Twin of `training/systems/cafe_talk/priority.py`. A jaw that stays down for a whole slot, or a
 //! chin that stays up, hides the speech (Cafe-Talk's own table 4: lower units cost four times the
-//! SyncD of upper ones). Here they act in proportion to the opening of the mouth in speech,
-//! relative to its widest opening nearby. So they give way where speech closes the mouth. In
-//! silence they act fully.
+//! SyncD of upper ones). Here their strength depends on how far speech opens the mouth, relative to
+//! the widest opening nearby. They give way where speech closes the mouth and act fully in silence.
 
 use ndarray::{Array2, ArrayRef2};
 
@@ -12,12 +11,12 @@ use ndarray::{Array2, ArrayRef2};
 const YIELDING: [&str; 2] = ["jawOpen", "mouthShrugLower"];
 const OPENS: &str = "jawOpen";
 const CLOSES: &str = "mouthClose";
-/// Frames of 0.04 s to either side: a syllable or two.
+/// Frames to either side that count as near, 0.04 s each: a syllable or two.
 const NEAR_FRAMES: usize = 12;
-/// Weight of `jawOpen` up to which nobody speaks.
+/// Up to this weight of `jawOpen`, nobody is speaking.
 const RESTING: f32 = 0.03;
 
-/// Columns of the shapes that matter here.
+/// Columns of the shapes that give way and of those that measure the mouth's opening.
 #[derive(Debug, Clone)]
 pub(super) struct Priority {
     yielding: Vec<usize>,
@@ -42,9 +41,10 @@ impl Priority {
         self.yielding.iter().any(is_requested)
     }
 
-    /// Lowers a mask `[T, S]` for speech. `spoken`: `[T, S]`, weights without events. The strengths
-    /// of jaw and chin are multiplied by the square of the mouth's opening, `jawOpen − mouthClose`,
-    /// relative to the widest within half a second. Frames of `over_speech` keep their strengths.
+    /// Lowers a mask `[T, S]` for speech. `spoken`: `[T, S]`, weights without events. The mouth's
+    /// opening is `jawOpen − mouthClose`, relative to the widest opening within half a second. Its
+    /// square multiplies the strengths of jaw and chin. Frames in which `over_speech` is true keep
+    /// their strengths.
     pub(super) fn give_way(
         &self,
         mask: &mut Array2<f32>,

@@ -26,13 +26,13 @@ pub struct Request<'a> {
     pub speech: ArrayView2<'a, f32>,
     /// Number of the speaking style.
     pub style: usize,
-    /// `[T, E]`, place of the emotion in the text space.
+    /// `[T, E]`, vector of the emotion in the text space.
     pub emotion: ArrayView2<'a, f32>,
     /// `[T]`.
     pub intensity: &'a [f32],
-    /// Events of every frame, for as many frames.
+    /// Events of each of the `T` frames.
     pub events: &'a EventTrack,
-    /// The same seed gives the same motion. Without effect where the temperature is 0.
+    /// The same seed gives the same motion. It has no effect if the temperature is 0.
     pub seed: u64,
     /// Scale of the starting noise.
     pub temperature: f32,
@@ -40,7 +40,7 @@ pub struct Request<'a> {
     pub steps: usize,
     /// Guidance of eq. 6.
     pub guidance: Guidance,
-    /// Earlier windows, which are not sampled again.
+    /// Windows that were sampled earlier and need not be sampled again.
     pub window_cache: Option<&'a WindowCache>,
 }
 
@@ -56,7 +56,7 @@ pub struct Guidance {
 }
 
 impl Request<'_> {
-    /// The key of a window: everything that it depends on except the model.
+    /// The key of a window, made from everything that the window depends on except the model.
     fn key_of(&self, rows: &Range<usize>) -> CacheKey {
         let Guidance {
             alpha,
@@ -82,7 +82,7 @@ impl Request<'_> {
 }
 
 impl Denoiser {
-    /// Weights `[T, 51]` of a clip of any length, none below 0.
+    /// Samples the weights `[T, 51]` of a clip of any length, none below 0.
     ///
     /// # Errors
     /// `InvalidInput` for steps out of range, `Cancelled`.
@@ -94,7 +94,7 @@ impl Denoiser {
         self.sample_from(request, noise, progress)
     }
 
-    /// The same from unit noise. `noise` gets a range of frames and returns `[T, 51]`.
+    /// Does the same from given unit noise. `noise` gets a range of frames and returns `[T, 51]`.
     pub(super) fn sample_from(
         &self,
         request: &Request<'_>,
@@ -135,15 +135,15 @@ impl Denoiser {
 struct Window<'a> {
     denoiser: &'a Denoiser,
     heard: super::denoiser::Conditions,
-    /// Without speech and coarse condition, where guidance needs it.
+    /// The conditions with neither speech nor coarse condition, if the guidance needs them.
     unheard: Option<super::denoiser::Conditions>,
-    /// The adapter's input, where the window has an event.
+    /// The adapter's input, if the window has an event.
     events: Option<Array2<f32>>,
     /// βZ, `[T, 51]`.
     mask: Array2<f32>,
-    /// Lowers the mask for the speech, where an event has jaw or chin.
+    /// Lowers the mask for the speech, if an event moves jaw or chin and guidance is not printed.
     priority: Option<Priority>,
-    /// `[T]`, where nothing lowers the mask.
+    /// `[T]`, true in frames whose mask stays as it is.
     over_speech: &'a [bool],
     guidance: Guidance,
 }

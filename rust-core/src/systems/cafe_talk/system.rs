@@ -25,7 +25,7 @@ use crate::{
 pub static MODEL: BuiltIn =
     BuiltIn::sized(&anyface_weights_cafe_talk::CAFE_TALK_COMPACT, "cafe_talk");
 
-/// β of eq. 6, times the model's own.
+/// Multiplies the model's own β of eq. 6.
 static EVENTS: Control = Control {
     name: "event_strength",
     label: "Event Strength",
@@ -37,7 +37,7 @@ static EVENTS: Control = Control {
     ..STEPS
 };
 
-/// The form of eq. 6.
+/// Which form of eq. 6 is used.
 static GUIDANCE: Control = Control {
     name: "guidance",
     label: "Guidance",
@@ -49,7 +49,7 @@ static GUIDANCE: Control = Control {
     ..STEPS
 };
 
-/// α of eq. 6, times the model's own.
+/// Multiplies the model's own α of eq. 6.
 static COARSE_GUIDANCE: Control = Control {
     name: "coarse_guidance",
     label: "Coarse Guidance",
@@ -109,7 +109,7 @@ pub struct CafeTalk {
 }
 
 impl CafeTalk {
-    /// The built-in models, or those of `folder`.
+    /// Opens the built-in models, or those of `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -149,8 +149,9 @@ impl CafeTalk {
         }
     }
 
-    /// Samples weights `[T, M]`. Where there are events, samples without them too, and [`calibrate`] scales the
-    /// difference to the strength of each event times `strength`. Guidance as printed is not calibrated.
+    /// Samples weights `[T, M]`. If there are events, also samples without them, and [`calibrate`]
+    /// scales the difference to the strength of each event times `strength`. Guidance as printed is
+    /// not calibrated.
     fn calibrated(
         &self,
         request: Request<'_>,
@@ -229,7 +230,7 @@ impl System for CafeTalk {
             (&plain_events, EVENTS.value(&request.controls)),
             progress,
         )?;
-        // Units that no network has learned.
+        // Units that no network has learned set the least weights of their shapes.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
         let clip = WeightClip {
             names: shapes.clone(),

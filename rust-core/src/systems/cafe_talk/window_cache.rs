@@ -1,5 +1,5 @@
-//! Caches the sampled windows of a take: a change of one event samples only the windows with that
-//! event again.
+//! Caches the sampled windows of a take: when one event changes, only the windows that contain it
+//! are sampled again.
 
 use std::{collections::VecDeque, sync::Mutex};
 
@@ -7,10 +7,10 @@ use ndarray::Array2;
 
 use crate::{Result, cache::CacheKey};
 
-/// [`CacheKey::digest`] of everything that a window depends on.
+/// The [`CacheKey::digest`] of everything that a window depends on.
 type Digest = [u8; 32];
 
-/// Most windows in the cache: some forty minutes of speech, 51 kB each.
+/// The most windows in the cache: about forty minutes of speech, at 51 kB a window.
 const MOST: usize = 256;
 
 /// The latest windows by their keys.

@@ -1,7 +1,8 @@
 //! One branch: computes the next frame from the frames before and the current features
-//! (FaceFormer's decoder of one layer).
+//! (FaceFormer's decoder, with one layer).
 //!
-//! Attention of a frame to itself alone is a linear layer, and is implemented as one.
+//! Where a frame attends only to itself, attention amounts to a linear layer and is implemented as
+//! one.
 
 use super::EmoFaceConfig;
 use crate::{
@@ -30,12 +31,12 @@ pub struct Branch {
     motion_out: Linear,
 }
 
-/// A branch's inputs of one frame.
+/// A branch's inputs for one frame.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
-    /// Its number from the start of the performance.
+    /// The frame's number, counted from the start of the performance.
     pub number: usize,
-    /// `[3 V]`, the frame before in units of the model.
+    /// `[3 V]`, the previous frame in units of the model.
     pub before: &'a [f32],
     /// `[C]`.
     pub heard: &'a [f32],
@@ -72,7 +73,8 @@ impl Branch {
         })
     }
 
-    /// Writes the frame, `[3 V]` in units of the model. Returns the input of the last layer, `[d]`.
+    /// Writes the frame to `out`, `[3 V]` in units of the model. Returns the input of the last
+    /// layer, `[d]`.
     pub fn step(&self, frame: Frame<'_>, past: &mut PastRows, out: &mut [f32]) -> Vec<f32> {
         let width = self.motion_in.outputs();
         let (mut x, mut y) = (vec![0.0; width], vec![0.0; width]);
@@ -92,7 +94,7 @@ impl Branch {
         x
     }
 
-    /// The layer that makes displacements, `[3 V, d]`.
+    /// The last layer, which outputs the displacements, `[3 V, d]`.
     pub fn last_layer(&self) -> &Linear {
         &self.motion_out
     }

@@ -1,10 +1,10 @@
-//! What inference has to know of an EmoFace model.
+//! The config of an EmoFace model, for inference.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result, conditions::EMOTIONS, mesh::ibug::LANDMARKS, speech::SpeechInput};
 
-/// How both branches become one motion.
+/// How the two branches are combined into one motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fusion {
@@ -27,7 +27,7 @@ pub struct EmoFaceConfig {
     pub template: String,
     /// Vertices `V` of the template.
     pub vertices: usize,
-    /// Triangles of the template; 0 where the model has none.
+    /// Triangles of the template; 0 if the model has none.
     #[serde(default)]
     pub triangles: usize,
     /// Motion frames per second.
@@ -36,40 +36,40 @@ pub struct EmoFaceConfig {
     pub width: usize,
     /// Attention heads.
     pub heads: usize,
-    /// Frames of a period of positions and bias.
+    /// Frames in one period of the position encoding and of the attention bias.
     pub period: usize,
-    /// Frames that self-attention sees at most.
+    /// The most frames that self-attention sees.
     pub look_back: usize,
-    /// Channels `C` of what each branch hears.
+    /// Channels `C` of the features that each branch gets.
     pub channels: usize,
     /// Vertices of a spiral.
     pub kernel: usize,
-    /// A spiral takes every so many vertices.
+    /// Step along a spiral: it takes one vertex out of this many.
     pub dilation: usize,
     /// Frames `δ` that the convolution sees.
     pub delta: usize,
-    /// Metres that are 1 inside the network.
+    /// Metres in one unit inside the network.
     pub scale_m: f32,
-    /// How both branches become one motion.
+    /// How the two branches are combined into one motion.
     pub fusion: Fusion,
     /// The encoder that hears content.
     pub speech: SpeechInput,
-    /// The encoder that hears emotion, HuBERT or wav2vec2; the built-in one where there is none.
+    /// The encoder that hears emotion, HuBERT or wav2vec2. `None` means the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emotion: Option<SpeechInput>,
-    /// Whether the emotion branch gets what is heard on average of the emotions that the ear hears, instead of what the
-    /// built-in encoder hears.
+    /// Whether the emotion branch gets the mean features of the emotions that the ear recognises,
+    /// instead of the features of the built-in encoder.
     #[serde(default)]
     pub emotion_ear: bool,
-    /// Channels of what is heard of emotion.
+    /// Channels of the emotion features.
     pub emotion_channels: usize,
-    /// Emotions that the emotion branch was taught, all of [`EMOTIONS`].
+    /// Emotions that the emotion branch has learned, each one of [`EMOTIONS`].
     pub emotions: Vec<String>,
     /// Speaking styles by name.
     pub styles: Vec<String>,
     /// The style of a request that names none.
     pub default_style: String,
-    /// The template's vertex of each landmark.
+    /// The template's vertex for each landmark.
     pub landmarks: Vec<usize>,
 }
 

@@ -1,5 +1,5 @@
-//! The encoder of the emotion branch: the built-in one or, as in the paper, a second checkpoint of
-//! the user's.
+//! The encoder of the emotion branch: the built-in one or, as in the paper, a second checkpoint
+//! that the user provides.
 
 use std::{path::Path, sync::Arc};
 
@@ -15,9 +15,9 @@ use crate::{
 
 /// `E_e`.
 pub(super) enum EmotionSource {
-    /// The built-in encoder, or that of the folder of models.
+    /// The built-in encoder, or the one in the folder of models.
     BuiltIn(Arc<EmotionEncoder>),
-    /// A checkpoint of the user's, as in the paper.
+    /// A checkpoint that the user provides, as in the paper.
     Checkpoint(Box<dyn SpeechEncoder>),
 }
 
@@ -46,8 +46,8 @@ impl EmotionSource {
     /// `F_e` of a voice at motion frames, `[frames, E]`.
     ///
     /// # Errors
-    /// `InvalidInput` where a checkpoint needs the sound and the voice has none; `Audio` for a
-    /// sound too short for it.
+    /// `InvalidInput` if a checkpoint needs the sound and the voice has none; `Audio` for a sound
+    /// that is too short for the checkpoint.
     pub fn at_frames(
         &self,
         voice: &VoiceTrack,
@@ -64,7 +64,7 @@ impl EmotionSource {
         }
     }
 
-    /// The same for a whole voice, stretched over `frames` frames.
+    /// `F_e` of a whole voice, stretched over `frames` frames.
     ///
     /// # Errors
     /// Those of [`EmotionSource::at_frames`].
@@ -107,7 +107,7 @@ mod tests {
 
     const FPS: f64 = 25.0;
 
-    /// A model whose emotion encoder is the golden's, and a folder of models with that encoder.
+    /// A model that uses the golden's emotion encoder, and a folder of models with that encoder.
     fn heard_by(golden: &Golden, channels: usize) -> (EmoFaceConfig, tempfile::TempDir) {
         let models = tempfile::tempdir().unwrap();
         let folder = models.path().join("emotion_wav2vec2");

@@ -1,4 +1,5 @@
-//! EmoFace (Lin et al. 2025): two branches hear what is said and how it is felt; Mesh Attention mixes them.
+//! EmoFace (Lin et al. 2025): one branch follows the words, the other the emotion, and Mesh
+//! Attention mixes them.
 
 mod branch;
 mod config;

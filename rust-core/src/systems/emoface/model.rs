@@ -1,4 +1,4 @@
-//! The whole network, frame by frame: two branches, and Mesh Attention that mixes them.
+//! The whole network, frame by frame: two branches, and the Mesh Attention that mixes them.
 //!
 //! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The paper does not
 //! print the formula of the fusion. Here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for
@@ -23,7 +23,7 @@ use crate::{
     },
 };
 
-/// Keeps a first pose small: ridge as a share of the mean square of a landmark's coordinate.
+/// The ridge that keeps a first pose small, as a share of the Gram matrix's mean diagonal entry.
 const RIDGE: f64 = 1e-4;
 
 /// The weights.
@@ -62,7 +62,7 @@ pub struct MadeFrame {
     pub emotion: Vec<f32>,
     /// `w`, 0 to 1.
     pub mask: Vec<f32>,
-    /// The same in few numbers, `[2 d + C/16]`: see [`Model::motion_of`].
+    /// The frame in few numbers, `[2 d + C/16 + 1]`: see [`Model::motion_of`].
     pub code: Vec<f32>,
 }
 
@@ -89,7 +89,7 @@ pub struct Progressing {
     past_masks: PastFrames,
 }
 
-/// The layer that is shown, and from which the next frame goes on.
+/// The layer that is shown and from which the next frame continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layer {
     /// Both branches, mixed by the mask.
@@ -123,7 +123,7 @@ impl MadeFrame {
 }
 
 impl Model {
-    /// From the parts of a model.
+    /// Builds the network from its config and weights.
     ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
@@ -151,15 +151,15 @@ impl Model {
         &self.config
     }
 
-    /// The mean features of the known emotions in these shares, `[E]`.
+    /// The mean features of a mixture of the known emotions, `[E]`. `shares`: one for each emotion.
     pub fn prototype(&self, shares: &[f32]) -> Array1<f32> {
         ArrayView1::from(shares).dot(&self.prototypes)
     }
 
     /// The pose of the template, `[V, 3]` metres, for these displacements of its landmarks.
     ///
-    /// It is the smallest of the poses near them that the last layers of both branches can make
-    /// (ridge regression). The model has no other knowledge of faces.
+    /// Of the poses that the last layers of both branches can make, ridge regression finds a small
+    /// one that comes near these landmarks. The model has no other knowledge of faces.
     pub fn pose_of(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Array2<f32> {
         let EmoFaceConfig {
             vertices, scale_m, ..
@@ -191,7 +191,7 @@ impl Model {
         })
     }
 
-    /// Before the first frame: at rest, or in the pose `first` `[V, 3]` metres.
+    /// The state before the first frame: at rest, or in the pose `first` `[V, 3]` metres.
     ///
     /// # Errors
     /// `InvalidInput` for a pose of another number of vertices or one that is not finite.
@@ -231,14 +231,14 @@ impl Model {
         out
     }
 
-    /// Size of a code: the inputs of both branches' last layers, the mask's part of time, and the
-    /// layer.
+    /// Size of a code: the inputs of both branches' last layers, the temporal part of the mask, and
+    /// one number for the layer.
     pub fn code_size(&self) -> usize {
         2 * self.config.width + self.attention.conv.outputs() + 1
     }
 
-    /// The template's motion under codes `[t, K]` of frames or of times between them: `[t, V, 3]`
-    /// metres.
+    /// The template's motion, `[t, V, 3]` metres, for codes `[t, K]` of frames or of times between
+    /// frames.
     ///
     /// It is exact for every frame except the first δ − 1, whose mask assumes earlier frames.
     ///
@@ -304,7 +304,7 @@ impl Model {
         (heard, emotion_features)
     }
 
-    /// Computes the next frame. The frame after it goes on from `layer`.
+    /// Computes the next frame. The frame after it continues from `layer` of this one.
     pub fn step(&self, heard: HeardFrame<'_>, layer: Layer, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
             vertices, scale_m, ..
@@ -388,7 +388,7 @@ impl MeshAttention {
         self.mask_of(&in_time, past.len())
     }
 
-    /// The part of time in the mask of the next frame, `[C/16]`.
+    /// The temporal part of the mask of the next frame, `[C/16]`.
     fn step_in_time(&self, content: &[f32], emotion: &[f32], past: &mut PastFrames) -> Vec<f32> {
         let quarter = self.content.outputs();
         let mut parts = vec![0.0; 2 * quarter];
@@ -401,7 +401,8 @@ impl MeshAttention {
         self.conv.step_in_time(&heard, past)
     }
 
-    /// The mask of a frame, `[V]`. `frames`: number of frames so far, δ at most.
+    /// The mask of a frame, `[V]`. `in_time`: its temporal part. `frames`: number of frames so far,
+    /// at most δ.
     fn mask_of(&self, in_time: &[f32], frames: usize) -> Vec<f32> {
         let around = self.conv.over_surface(in_time, frames);
         let weight = self.out.weight();

@@ -1,4 +1,4 @@
-//! EmoFace live: both encoders have causal twins, and the rest looks back only.
+//! EmoFace live: both encoders have causal twins, and the rest of the model only looks back.
 
 use std::sync::{Arc, OnceLock};
 
@@ -25,7 +25,7 @@ pub struct LiveParts {
     pub encoder: CompactEncoder,
     /// The emotion encoder, which looks back only.
     pub emotion: Arc<EmotionEncoder>,
-    /// Says whether the voice has any emotion.
+    /// Recognises the voice's emotion and its intensity.
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
@@ -51,11 +51,11 @@ impl LiveParts {
     }
 }
 
-/// A performance in progress, in the default style and from rest.
+/// A performance in progress, in the default style and starting from rest.
 ///
 /// The emotion comes from the voice, and its level is the ear's intensity, which is low for a
-/// neutral voice. An emotion that is set with an intensity above 0 replaces it, with the intensity
-/// as its level. Lips close at p, b and m by the sound.
+/// neutral voice. If the host sets an emotion with an intensity above 0, that emotion replaces the
+/// voice's and the intensity is its level. The lips close where the sound has p, b or m.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
@@ -71,10 +71,11 @@ pub struct EmoFaceStream {
     heard: Following,
 }
 
-/// Seconds in which the face follows the ear, which updates three times a second.
+/// The time constant in seconds with which the face follows the ear. The ear updates three times a
+/// second.
 const FOLLOW_S: f64 = 0.3;
 
-/// Strengths of the voice's emotions, smoothed with a pole at [`FOLLOW_S`].
+/// Strengths of the voice's emotions, smoothed by a one-pole filter of time constant [`FOLLOW_S`].
 struct Following {
     strengths: [f32; EMOTIONS.len()],
     share: f32,
@@ -88,7 +89,7 @@ impl Following {
         }
     }
 
-    /// The branch's features of the next frame, `[E]`, and the level.
+    /// The emotion branch's features for the next frame, `[E]`, and its level.
     fn next(&mut self, heard: &Emotion, model: &Model) -> Option<(Vec<f32>, f32)> {
         let mixture = known(model.config(), &heard.mixture);
         for (strength, share) in self.strengths.iter_mut().zip(mixture) {
@@ -104,7 +105,7 @@ impl Following {
 }
 
 impl EmoFaceStream {
-    /// A face at rest before any sound.
+    /// Starts with the face at rest, before any sound.
     ///
     /// # Errors
     /// `Weights` for a model whose default style is not among its styles.
@@ -233,7 +234,7 @@ pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
     Ok(model.prototype(&shares).to_vec())
 }
 
-/// A mixture of the fifteen emotions without those that the emotion branch does not know.
+/// A mixture of the fifteen emotions with 0 for those that the emotion branch does not know.
 pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
     std::array::from_fn(|e| {
         let is_known = config.emotions.iter().any(|name| name == EMOTIONS[e]);
@@ -241,7 +242,7 @@ pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
     })
 }
 
-/// The landmarks of a layer, `[3 V]` metres.
+/// Picks the landmarks from a layer's vertices `values`, `[3 V]` metres.
 pub fn landmarks(config: &EmoFaceConfig, values: &[f32]) -> [[f32; 3]; LANDMARKS] {
     let at = &config.landmarks;
     std::array::from_fn(|n| std::array::from_fn(|axis| values[3 * at[n] + axis]))
@@ -259,14 +260,14 @@ mod tests {
         systems::{System, emoface::EmoFace},
     };
 
-    /// A stream that every sound moves: the syllables need not be a voice.
+    /// A stream that moves to every sound, so that the syllables need not resemble a voice.
     fn stream() -> Box<dyn MotionStream> {
         let mut stream = EmoFace::open(None).unwrap().stream().unwrap();
         stream.hear_all();
         stream
     }
 
-    /// Syllables with a pitch that falls.
+    /// Syllables with a falling pitch.
     fn voice(samples: usize) -> Vec<f32> {
         let sample = |i: usize| {
             let t = i as f32 / 16_000.0;

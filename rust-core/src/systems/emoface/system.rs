@@ -1,4 +1,4 @@
-//! EmoFace as a [`System`]: speech and its emotion to motion of a template and its landmarks.
+//! EmoFace as a [`System`]: turns speech and its emotion into motion of a template and landmarks.
 
 use std::{
     path::Path,
@@ -134,7 +134,7 @@ impl CodeField for TemplateField {
     }
 }
 
-/// The branches' features of one performance, from which the emotion mask follows.
+/// The features that the branches got in one performance. The emotion mask is computed from them.
 struct Branches {
     space: Arc<TemplateSpace>,
     content: Array2<f32>,
@@ -189,17 +189,17 @@ pub static REGISTRATION: Registration = Registration {
 pub struct EmoFace {
     space: Arc<TemplateSpace>,
     source: EmotionSource,
-    /// Says whether the voice has any emotion.
+    /// Recognises the voice's emotion and its intensity.
     ear: Arc<EmotionEar>,
-    /// `None` for a model with another encoder of content or emotion than the built-in ones: those
-    /// have no causal twin.
+    /// `None` if the model uses other encoders of content or emotion than the built-in ones, since
+    /// those have no causal twin, or if its frame rate differs from the causal encoder's.
     live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
 }
 
 impl EmoFace {
-    /// The built-in models, or those of `folder`.
+    /// Opens the built-in models, or those of `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -237,8 +237,8 @@ impl EmoFace {
         curve.named().into_iter().all(is_known)
     }
 
-    /// Whether the branch shows the emotion. Otherwise it is added to the speech as in FreeTalk,
-    /// because the branch does not know all of it.
+    /// Whether the emotion branch shows the emotion. If the branch does not know all of a chosen
+    /// emotion, the emotion is added to the speech instead, as in FreeTalk.
     fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
         let shows_request = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
         match shows_request && !self.branch_knows(&request.emotion) {
@@ -247,7 +247,7 @@ impl EmoFace {
         }
     }
 
-    /// The features of the emotion branch in each frame, `[T, E]`, and the level there, `[T]`.
+    /// The features of the emotion branch, `[T, E]`, and the level, `[T]`, in each frame.
     fn emotion(
         &self,
         heard: &Heard,
@@ -268,8 +268,8 @@ impl EmoFace {
                 None => heard.emotion_curve(),
             },
             VOICE => {
-                // Somebody chose another recording for its emotion. Without that, an emotion shows
-                // only where it is certain.
+                // A recording that was chosen for its emotion shows it fully. Without one, the
+                // voice's emotion shows only as far as the ear is sure of it.
                 let (rows, sure) = match &request.emotion_of {
                     Some(other) => (
                         self.source.over(other, frames, progress)?,
@@ -399,7 +399,7 @@ impl System for EmoFace {
     }
 }
 
-/// The parts of a stream of this model, if it can have one.
+/// The parts for streams of this model; `None` if it cannot have streams.
 fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,

@@ -3,10 +3,11 @@
 use super::EmoFaceConfig;
 use crate::{Error, Result, mesh::Mesh, models::Weights, motion::Template};
 
-/// The template of a model; `None` where its file has no triangles.
+/// The template of a model; `None` if the model has no triangles.
 ///
 /// # Errors
-/// `Weights` if an array is missing, has another shape, or names vertices that there are not.
+/// `Weights` if an array is missing, has another shape, or names vertices that do not exist, or if
+/// two landmarks lie at the same place.
 pub fn read_template(weights: &Weights, config: &EmoFaceConfig) -> Result<Option<Template>> {
     let EmoFaceConfig {
         vertices,
@@ -54,7 +55,7 @@ mod tests {
         let mut config = EmoFaceConfig::from_json(&files.config).unwrap();
         let template = read_template(&weights, &config).unwrap().unwrap();
         assert_eq!(template.mesh.positions.len(), config.vertices);
-        // The chin lies under the nose's tip.
+        // The chin lies below and behind the tip of the nose.
         let places = template.landmark_positions();
         assert!(places[8][1] < places[30][1] - 0.03 && places[30][2] > places[8][2]);
         let triangles = std::mem::replace(&mut config.triangles, 0);

@@ -9,7 +9,7 @@ use crate::{
     speech::SpeechInput,
 };
 
-/// The encoder's name for a model that follows landmark motion.
+/// The name that stands for the encoder in a model that follows landmark motion.
 const LANDMARK_MEMORY: &str = "landmarks";
 
 /// Defaults of the reverse process.
@@ -17,20 +17,20 @@ const LANDMARK_MEMORY: &str = "landmarks";
 pub struct Sampling {
     /// Denoising steps.
     pub steps: usize,
-    /// Which training steps they visit.
+    /// Which training steps these denoising steps visit.
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
-    /// w of eq. 10: the weight of the speech against chance.
+    /// w of eq. 10: how much more the speech counts than chance.
     pub guidance: f32,
-    /// r of eq. 8: how far codes go from the face at rest.
+    /// r of eq. 8: how far the codes move away from the face at rest.
     pub vividness: f32,
 }
 
 /// `motion` in the `config.json` of a head; twin of `training/systems/facetalk/motion.py`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionConfig {
-    /// Numbers `X` of z_ex.
+    /// Size `X` of the expression code z_ex.
     pub codes: usize,
     /// Motion frames per second.
     pub fps: f64,
@@ -46,11 +46,11 @@ pub struct MotionConfig {
     pub feedforward: usize,
     /// Radius of the alignment mask of eq. 7, frames.
     pub band: usize,
-    /// Frames in self-attention, with the row's own.
+    /// Frames that self-attention sees, including the current one.
     pub look_back_frames: usize,
     /// Whether layers are modulated, as in the paper's table 2.
     pub film: bool,
-    /// Whether a linear layer of the memory is added to the output.
+    /// Whether the output of a linear layer on the speech features is added to the codes.
     #[serde(default)]
     pub direct: bool,
     /// The encoder that feeds the model.
@@ -72,7 +72,7 @@ pub struct MotionConfigs {
 }
 
 impl MotionConfigs {
-    /// Reads and checks them.
+    /// Reads and checks `config.json`.
     ///
     /// # Errors
     /// `Weights` if there is no `motion` or numbers contradict each other.

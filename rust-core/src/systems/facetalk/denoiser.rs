@@ -1,9 +1,9 @@
 //! Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
 //!
 //! Twin of `training/systems/facetalk/motion.py`. It differs from the paper: the norm comes before
-//! each layer, and the layer's output is modulated. Positions are rotary. A row sees as many
-//! earlier rows as a training window had, so that a sound of any length is sampled at once. The
-//! augmentation r of eq. 8 is an input of the model and so a control.
+//! each layer, and the layer's output is modulated. Positions are rotary. A frame sees as many
+//! earlier frames as a training window had, so that a sound of any length is sampled in one go.
+//! The augmentation r of eq. 8 is an input of the model, so that it can be a control.
 
 use std::cell::Cell;
 
@@ -35,7 +35,7 @@ pub struct Denoiser {
     config: MotionConfig,
     x_proj: Linear,
     mem_proj: Linear,
-    /// The memory where speech is dropped, `[d]`.
+    /// A memory row that stands for dropped speech, `[d]`.
     null_speech: Array1<f32>,
     time: [Linear; 3],
     vividness: Linear,
@@ -43,7 +43,7 @@ pub struct Denoiser {
     blocks: Vec<Block>,
     norm: LayerNorm,
     head: Linear,
-    /// A layer of the memory, added to the output.
+    /// A layer on the speech features whose output is added to the clean codes.
     direct: Option<Linear>,
     mean: Array1<f32>,
     std: Array1<f32>,
@@ -58,7 +58,7 @@ struct Block {
     norms: [LayerNorm; PLACES],
 }
 
-/// The speech as the blocks' memory.
+/// The speech in the form of the blocks' memory.
 pub struct Memory {
     blocks: Vec<RotaryMemory>,
     /// The amount to add to clean codes, `[T, X]`.
@@ -66,10 +66,10 @@ pub struct Memory {
 }
 
 impl Denoiser {
-    /// From the parts of a model.
+    /// Builds the denoiser from its config and weights.
     ///
     /// # Errors
-    /// `Weights` if one is missing or has another shape.
+    /// `Weights` if an array is missing or has another shape.
     pub fn new(config: MotionConfig, weights: &Weights) -> Result<Self> {
         let MotionConfig { codes, width, .. } = config;
         let linear = |name: &str, inputs, outputs| Linear::load(&weights.pp(name), inputs, outputs);
@@ -101,7 +101,7 @@ impl Denoiser {
         &self.config
     }
 
-    /// `speech` `[T, C]` as the blocks' memory.
+    /// Turns `speech` `[T, C]` into the blocks' memory.
     pub fn heard(&self, speech: ArrayView2<'_, f32>) -> Memory {
         let speech = speech.as_standard_layout();
         Memory {
@@ -110,7 +110,7 @@ impl Denoiser {
         }
     }
 
-    /// `frames` frames without speech.
+    /// The blocks' memory for `frames` frames without speech.
     pub fn unheard(&self, frames: usize) -> Memory {
         let rows = self
             .null_speech
@@ -127,8 +127,8 @@ impl Denoiser {
         }
     }
 
-    /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`. An error of
-    /// `after_block` ends it.
+    /// One pass in standardised space, from noisy `[T, X]` to clean, with vividness `r`. An error
+    /// of `after_block` ends the pass.
     ///
     /// # Errors
     /// Those of `after_block`.
@@ -155,8 +155,8 @@ impl Denoiser {
         Ok(clean)
     }
 
-    /// The modulation, `[d]`: an MLP of three layers on the timestep's sinusoids, plus a layer of
-    /// r.
+    /// The condition for the modulation, `[d]`: an MLP of three layers on the timestep's sinusoids,
+    /// plus a linear layer on r − 1.
     fn condition(&self, timestep: usize, r: f32) -> Vec<f32> {
         let mut x = timestep_embedding(timestep, self.config.width);
         for (number, linear) in self.time.iter().enumerate() {
@@ -173,10 +173,11 @@ impl Denoiser {
         x
     }
 
-    /// z_ex `[T, X]` of a whole sound from unit noise `[T, X]`. `speech`: `[T, C]`.
+    /// Samples z_ex `[T, X]` of a whole sound from unit noise `[T, X]`. `speech`: `[T, C]`.
     ///
     /// # Errors
-    /// `ShapeMismatch` for another number of frames, `InvalidInput` for steps out of range, `Cancelled`.
+    /// `ShapeMismatch` if the noise has another shape, `InvalidInput` for steps out of range,
+    /// `Cancelled`.
     pub fn sample(
         &self,
         noise: Array2<f32>,
@@ -208,7 +209,7 @@ impl Denoiser {
         let unheard = (guidance != 1.0).then(|| self.unheard(frames));
         let passes = sampling.steps * (1 + usize::from(unheard.is_some()));
         let (blocks, done) = (passes * self.blocks.len(), Cell::new(0));
-        // A pass covers the whole sound, so that each block checks whether the job is cancelled.
+        // A pass covers the whole sound and takes long, so each block checks for cancellation.
         let after_block = || {
             done.set(done.get() + 1);
             report(progress, "motion", done.get() as f32 / blocks as f32)
@@ -247,7 +248,7 @@ impl Block {
         })
     }
 
-    /// In place; `x`: `[T, d]`.
+    /// Applies the block to `x` `[T, d]`, in place.
     fn forward(
         &self,
         x: &mut Array2<f32>,

@@ -1,20 +1,21 @@
-//! How far the lips of a head part.
+//! Limits how far the lips of a head part.
 //!
-//! The speech model opens the mouth too far on voices unlike those that it learned. Recordings bound it.
+//! The speech model opens the mouth too far on voices unlike those that it learned. The limits come
+//! from recordings.
 
 use ndarray::{Array2, ArrayView3};
 
 use crate::mesh::ibug::INNER_LIPS;
 
-/// The widest gap: 28.2 mm in facegood_zh, 23.7 mm in grid_s1.
+/// The widest gap. Recordings reach 28.2 mm in facegood_zh and 23.7 mm in grid_s1.
 const WIDEST_M: f32 = 28e-3;
-/// Gaps up to here stay as they are: 99.5 % of the recorded ones are smaller.
+/// Gaps up to this size stay as they are: 99.5 % of the recorded gaps are smaller.
 const USUAL_M: f32 = 20e-3;
 
-/// Moves the codes `[T, X]` of frames whose lips part too far towards the code at rest, `[X]`; the numbers of these
-/// frames.
+/// In frames whose lips part too far, moves the codes `[T, X]` towards the code at rest, `[X]`.
 ///
-/// `displacements`: how these codes move landmarks from rest, `[T, 68, 3]` metres.
+/// `displacements`: how these codes move landmarks from rest, `[T, 68, 3]` metres. Returns the
+/// numbers of the frames that it changed.
 pub(super) fn bound_opening(
     codes: &mut Array2<f32>,
     rest: &[f32],
@@ -36,7 +37,7 @@ pub(super) fn bound_opening(
     moved
 }
 
-/// A gap beyond `USUAL_M`, smoothly under `WIDEST_M`.
+/// Compresses a gap beyond `USUAL_M` smoothly, so that it does not exceed `WIDEST_M`.
 fn bounded(gap: f32) -> f32 {
     let room = WIDEST_M - USUAL_M;
     USUAL_M + room * ((gap - USUAL_M) / room).tanh()

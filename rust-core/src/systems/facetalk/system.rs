@@ -1,4 +1,5 @@
-//! FaceTalk as a [`System`]: speech to expression codes, which the head's field turns into motion.
+//! FaceTalk as a [`System`]: turns speech into expression codes, and these into motion by the
+//! head's field.
 
 use std::{path::Path, sync::Arc};
 
@@ -24,7 +25,7 @@ use crate::{
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
-/// Frames between two checks whether a job is cancelled.
+/// Frames between two checks for cancellation.
 const FRAMES_AT_A_TIME: usize = 256;
 
 /// r of eq. 8.
@@ -96,14 +97,14 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
 };
 
-/// The model that follows landmarks needs metres as centimetres.
+/// Centimetres in a metre: the model that follows landmarks takes centimetres.
 const CM: f32 = 100.0;
 
 /// The speech model and the head that its codes move.
 pub struct FaceTalk {
     denoiser: Denoiser,
-    /// The model that follows landmarks instead of speech, from the paper's conclusion. A user's
-    /// model may lack it.
+    /// The model that follows landmarks instead of speech, an idea from the paper's conclusion. A
+    /// model that the user provides may lack it.
     by_landmarks: Option<Denoiser>,
     space: Arc<HeadSpace>,
     modes: Arc<FaceModes>,
@@ -130,7 +131,7 @@ impl CodeSpace for HeadSpace {
             return Ok(None);
         }
         let head = Arc::clone(&self.head);
-        // A face unlike all heads of the model moves by its landmarks.
+        // A face that is unlike every head of the model has no field and moves by its landmarks.
         let make = || {
             let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
             Ok(field.map(|field| Arc::new(field) as Arc<dyn CodeField>))
@@ -140,7 +141,7 @@ impl CodeSpace for HeadSpace {
 }
 
 impl FaceTalk {
-    /// The built-in models, or those of `folder`.
+    /// Opens the built-in models, or those of `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
@@ -189,7 +190,7 @@ impl FaceTalk {
         }
     }
 
-    /// How landmarks of the mean head move from rest under codes `[T, X]`, `[T, 68, 3]` metres.
+    /// How the codes `[T, X]` move the mean head's landmarks from rest, `[T, 68, 3]` metres.
     fn landmarks(
         &self,
         codes: ArrayView2<'_, f32>,

@@ -1,10 +1,10 @@
 //! Audio-to-sparse: a diffusion denoiser from speech features to 68 landmark displacements.
 //!
-//! FreeTalk (Nocentini et al. 2026), section 3.1; twin of `training/systems/freetalk/ats.py`.
-//! Differs from the paper: a speaking-style embedding is added to the tokens; emotion enters per
+//! FreeTalk (Nocentini et al. 2026), section 3.1; twin of `training/systems/freetalk/ats.py`. It
+//! differs from the paper: a speaking-style embedding is added to the tokens; emotion enters per
 //! frame, as strengths of a mixture; dimensions are standardised by a mean and a deviation stored
 //! with the weights; the band mask is −∞ outside its radius, where the paper prints +1. With
-//! pre-norm a final LayerNorm follows the layers, as pre-norm needs.
+//! pre-norm, a final LayerNorm follows the layers, as pre-norm requires.
 
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis};
 use serde::{Deserialize, Serialize};
@@ -37,16 +37,17 @@ const EPSILON: f32 = 1e-5;
 pub struct Sampling {
     /// Denoising steps.
     pub steps: usize,
-    /// Which training steps they visit.
+    /// Which training steps these denoising steps visit.
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
-    /// Over how many seconds that noise stays alike (standard deviation). 0: every frame has independent noise.
+    /// Seconds over which that noise is smoothed (standard deviation). 0: every frame has
+    /// independent noise.
     #[serde(default)]
     pub noise_s: f64,
 }
 
-/// Everything that inference has to know; `config.json` beside the weights.
+/// The config of the model, for inference; `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AtsConfig {
     /// "freetalk".
@@ -81,29 +82,30 @@ pub struct AtsConfig {
     pub diffusion: Diffusion,
     /// Defaults of the reverse process.
     pub sampling: Sampling,
-    /// Emotion categories; always those of [`EMOTIONS`].
+    /// Emotion categories; always [`EMOTIONS`].
     pub emotions: Vec<String>,
-    /// Whether the network shows emotion itself; one that does not is asked for neutral motion.
+    /// Whether the network shows emotion itself. If it does not, it always samples neutral motion.
     #[serde(default)]
     pub emotion: EmotionOrigin,
     /// Speaking styles by name.
     pub styles: Vec<String>,
     /// The style of a request that names none.
     pub default_style: String,
-    /// Styles in which lips meet where the speech encoder hears p, b or m; the others move as they
-    /// were recorded.
+    /// Styles in which the lips meet where the speech encoder hears p, b or m. In other styles,
+    /// they move as they were recorded.
     #[serde(default)]
     pub closing_styles: Vec<String>,
 }
 
 impl AtsConfig {
-    /// Whether lips are closed by ear in this style; `None` is the default style.
+    /// Whether the lips meet in this style where the speech encoder hears p, b or m; `None` is the
+    /// default style.
     pub fn closes_lips(&self, style: Option<&str>) -> bool {
         let style = style.unwrap_or(&self.default_style);
         self.closing_styles.iter().any(|name| name == style)
     }
 
-    /// In which pieces a long clip is sampled.
+    /// The windows in which a long clip is sampled.
     pub fn windows(&self) -> Windows {
         Windows {
             fps: self.fps,
@@ -165,7 +167,7 @@ pub struct Ats {
     std: Array1<f32>,
 }
 
-/// What a window's denoising steps have in common: it does not depend on the noisy motion.
+/// The inputs that all denoising steps of a window share. They do not depend on the noisy motion.
 pub struct WindowContext {
     /// Keys and values of the speech for each layer.
     memory: Vec<KeysValues>,
@@ -174,7 +176,7 @@ pub struct WindowContext {
 }
 
 impl Ats {
-    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    /// Loads the denoiser from the bytes of `model.safetensors` and the text of `config.json`.
     ///
     /// # Errors
     /// `Weights` if either is damaged or they do not fit each other.
@@ -226,8 +228,8 @@ impl Ats {
 
     /// Prepares a window: FreeTalk eq. 6 and the keys and values of eq. 7.
     ///
-    /// `speech`: `[T, C]` at the model's frame rate; `affect`: `[T, 16]`, a mixture of 15 and an
-    /// intensity; `T` at most `window_frames`; `style` below the number of styles.
+    /// `speech`: `[T, C]` at the model's frame rate; `affect`: `[T, 16]`, a mixture of 15 emotions
+    /// and an intensity; `T` at most `window_frames`; `style` below the number of styles.
     pub fn window(
         &self,
         speech: ArrayView2<'_, f32>,
@@ -249,7 +251,7 @@ impl Ats {
         }
     }
 
-    /// One denoising pass in standardised space: noisy motion `[T, 204]` to clean motion.
+    /// One denoising pass in standardised space, from noisy motion `[T, 204]` to clean motion.
     pub fn denoise(
         &self,
         noisy: &ArrayRef2<f32>,
@@ -269,7 +271,7 @@ impl Ats {
         self.head.forward(&tokens)
     }
 
-    /// The model's space to displacements in metres, in place; `x`: `[T, 204]`.
+    /// Converts `x` `[T, 204]` from the model's space to displacements in metres, in place.
     pub(super) fn to_metres(&self, x: &mut Array2<f32>) {
         *x *= &self.std;
         *x += &self.mean;
@@ -284,7 +286,7 @@ fn add_first_rows(x: &mut Array2<f32>, rows: &Array2<f32>) {
 
 /// Share × intensity of every category but neutral: `[T, 16]` to `[T, 14]`.
 ///
-/// Neutral at any intensity and any mixture at intensity 0 are thus the same input, exactly.
+/// Neutral at any intensity is thus exactly the same input as any mixture at intensity 0.
 fn strengths(affect: ArrayView2<'_, f32>) -> Array2<f32> {
     let last = affect.ncols() - 1;
     Array2::from_shape_fn((affect.nrows(), last - 1), |(t, e)| {

@@ -1,7 +1,7 @@
 //! Whole clips from the denoiser: DDIM on overlapping windows, cross-faded.
 //!
-//! Twin of `training/systems/freetalk/sampling.py`. Time is linear in the length of the clip and
-//! working memory is that of one window.
+//! Twin of `training/systems/freetalk/sampling.py`. It takes time linear in the length of the clip
+//! and the working memory of one window.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::{
     motion::style_number,
 };
 
-/// What the denoiser is asked to perform.
+/// A request to the denoiser.
 #[derive(Debug, Clone, Copy)]
 pub struct AtsRequest<'a> {
     /// `[T, C]`, speech features at the model's frame rate.
@@ -25,7 +25,7 @@ pub struct AtsRequest<'a> {
     pub affect: ArrayView2<'a, f32>,
     /// Speaking style by name; `None` takes the model's default.
     pub style: Option<&'a str>,
-    /// Same seed, same motion; without effect where the temperature is 0.
+    /// The same seed gives the same motion. It has no effect if the temperature is 0.
     pub seed: u64,
     /// Denoising steps; `None` takes the model's default.
     pub steps: Option<usize>,
@@ -34,7 +34,7 @@ pub struct AtsRequest<'a> {
 }
 
 impl Ats {
-    /// Landmark displacements of a clip of any length, `[T, 68, 3]`, canonical metres.
+    /// Samples landmark displacements of a clip of any length, `[T, 68, 3]`, canonical metres.
     ///
     /// # Errors
     /// `ShapeMismatch` if speech or affect have other channels or lengths; `InvalidInput` for an
@@ -56,10 +56,11 @@ impl Ats {
             .expect("three channels a landmark"))
     }
 
-    /// The same from given unit noise: `noise` gets a range of frames and returns `[T, 204]`.
+    /// Samples from given unit noise: `noise` gets a range of frames and returns `[T, 204]`.
     ///
     /// The noise belongs to the frame, not to the window, so that overlapping windows start from
-    /// the same noise; where they overlap, their results are averaged with the weights of a ramp.
+    /// the same noise. Where they overlap, their results are cross-faded: averaged with weights
+    /// that form a ramp.
     fn sample_from(
         &self,
         request: &AtsRequest<'_>,

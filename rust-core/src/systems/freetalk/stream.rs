@@ -1,9 +1,11 @@
 //! Landmark motion while somebody is speaking: samples in, frames out, a fifth of a second behind.
 //!
-//! A causal network ([`CausalModel`]) imitates encoder and denoiser together; it was trained on what they
-//! perform. Squared error blurs p, b and m, so a smaller one beside it says when lips are together, and they are closed
-//! there. Where nobody speaks the face rests. It speaks neutrally; the expression is added to each frame, so a change of emotion acts on the
-//! very next one. Not guaranteed: equality with [`crate::Engine::perform`], which hears the whole sound.
+//! A causal network ([`CausalModel`]) imitates the encoder and the denoiser together. It was
+//! trained on the motion that they make, with a squared error, which blurs p, b and m. A smaller
+//! network beside it therefore detects when the lips are together, and the stream closes them
+//! there. While nobody speaks, the face rests. The networks speak neutrally and the stream adds the
+//! expression to each frame, so a change of emotion acts on the very next frame. The result may
+//! differ from that of [`crate::Engine::perform`], which hears the whole sound.
 
 #[cfg(test)]
 mod tests;
@@ -21,7 +23,7 @@ use crate::{
     speech::{CausalModel, CausalSpeech, VoiceGate, closure_share, seconds_of},
 };
 
-/// Numbers of a frame.
+/// How many numbers a frame holds: three for each landmark.
 pub const DIMS: usize = 3 * LANDMARKS;
 
 /// A performance in progress: push samples, pull frames.
@@ -33,19 +35,19 @@ pub struct CausalStream {
     emotion: Emotion,
 }
 
-/// Numbers of a frame of the model that hears closures: the logit of lips that are together.
+/// How many numbers a frame of the closure detector holds: the logit that the lips are together.
 pub const CLOSURE_DIMS: usize = 1;
 
-/// Where lips touch, heard while somebody is speaking.
+/// Detects while somebody is speaking when the lips touch.
 struct LiveClosures {
     speech: CausalSpeech,
-    /// How far the lips go to touching in the frame that comes next, where that is heard already.
+    /// How far the lips close in the next frame, 0 to 1. `None` until that frame has been heard.
     share: Option<f32>,
     parting: Parting,
 }
 
 impl LiveClosures {
-    /// By a further head of the model, or by its main one.
+    /// Listens through the given further head of the model, or through its main one for `None`.
     fn new(model: Arc<CausalModel>, head: Option<usize>) -> LiveClosures {
         LiveClosures {
             parting: Parting::new(model.config().fps),
@@ -63,7 +65,7 @@ impl LiveClosures {
         self.share.is_some()
     }
 
-    /// Closes the lips of the next frame as far as was heard.
+    /// Closes the lips in `frame`, the next one, as far as the detector asks.
     fn close(&mut self, frame: &mut LandmarkFrame) {
         let share = self.share.take().unwrap_or(0.0);
         let mut face = ArrayViewMut2::from(&mut frame.displacements);
@@ -73,8 +75,8 @@ impl LiveClosures {
 }
 
 impl CausalStream {
-    /// A neutral face before any sound. Rows of `model` are landmarks, metres; those of `closures` the logit of lips that
-    /// are together.
+    /// Starts with a neutral face, before any sound. Rows of `model` are landmark displacements,
+    /// metres. Rows of `closures` are the logit that the lips are together.
     pub fn new(
         model: Arc<CausalModel>,
         closures: Arc<CausalModel>,
@@ -93,7 +95,7 @@ impl CausalStream {
     }
 }
 
-/// Samples after a frame's instant that both of two networks need.
+/// How many samples after a frame's instant the slower of two networks needs.
 fn longest_look_ahead(one: &CausalSpeech, other: &CausalSpeech) -> usize {
     one.look_ahead_samples().max(other.look_ahead_samples())
 }

@@ -1,4 +1,5 @@
-//! FreeTalk as a [`System`]: speech to landmark motion, an artist's controls over it, a stream.
+//! FreeTalk as a [`System`]: turns speech into landmark motion, applies an artist's controls, and
+//! streams.
 
 use std::{
     path::{Path, PathBuf},
@@ -35,7 +36,7 @@ pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREA
 pub static CLOSURES_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::LIVE_CLOSURES);
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
-/// The decoder that spreads landmark motion over a mesh.
+/// Chooses the decoder that spreads landmark motion over a mesh.
 static DECODER: Control = Control {
     name: "decoder",
     label: "Decoder",
@@ -63,7 +64,7 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 
-/// The denoiser, and everything that makes a performance from its motion.
+/// The denoiser, and everything that turns its motion into a performance.
 pub struct FreeTalk {
     ats: Opened<Ats>,
     config: AtsConfig,
@@ -77,7 +78,7 @@ pub struct FreeTalk {
 }
 
 impl FreeTalk {
-    /// The built-in models, or those of `folder`.
+    /// Loads the built-in models, or those of `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.

@@ -5,15 +5,15 @@ use serde::Serialize;
 use crate::stopwatch::Stopwatch;
 use anyface::Result;
 
-/// One stage, the best of its runs.
+/// One stage, with the least times of all its runs.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Stage {
     pub name: &'static str,
-    /// On the wall.
+    /// Wall-clock time.
     pub elapsed_s: f64,
     /// Processor time of all threads.
     pub work_s: f64,
-    /// Billions of additions and multiplications, where they are known.
+    /// Billions of additions and multiplications, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gflop: Option<f64>,
 }
@@ -25,7 +25,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// Runs `work` a few times, notes the best and returns the last result.
+    /// Runs `work` several times, records the least times and returns the last result.
     pub(super) fn time<T>(
         &mut self,
         name: &'static str,

@@ -1,4 +1,4 @@
-//! `anyface-eval bench`: what each stage costs on this machine.
+//! `anyface-eval bench`: how long each stage takes on this machine.
 
 mod clock;
 mod peak;
@@ -26,27 +26,28 @@ use anyface::{
 
 /// Measure every stage on this machine
 ///
-/// Each stage runs several times and the least time counts. Stages whose arithmetic is known are
-/// set against the machine's peak, which a matrix product in the cache measures first.
+/// Each stage runs several times and the least time counts. If the number of operations of a stage
+/// is known, its speed is compared with the machine's peak. A matrix product that stays in the
+/// cache measures this peak first.
 #[derive(Args)]
 pub(super) struct Bench {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
     mesh: PathBuf,
-    /// The speech [default: five seconds of made-up sound]
+    /// The speech [default: five seconds of synthetic sound]
     #[arg(long, value_name = "A")]
     audio: Option<PathBuf>,
     /// Runs of each stage
     #[arg(long, default_value_t = 3)]
     runs: usize,
-    /// Instead: put one motion on the mesh in five triangulations, 1,000 to 400,000 vertices, and
-    /// say how far the results differ
+    /// Instead, apply one motion to the mesh in five triangulations of 1,000 to 400,000 vertices
+    /// and report how far the results differ
     #[arg(long)]
     triangulations: bool,
     /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<PathBuf>,
-    /// Solve on every vertex of the skin, not on a coarser one
+    /// Solve on every vertex of the skin instead of a coarser proxy
     #[arg(long)]
     no_proxy: bool,
 }
@@ -59,7 +60,7 @@ struct Measured {
     vertices: usize,
     audio_s: f64,
     frames: usize,
-    /// Of a single-precision matrix product that stays in the cache, on all threads.
+    /// The speed of a single-precision matrix product that stays in the cache, on all threads.
     peak_gflops: f64,
     stages: Vec<Stage>,
     peak_mib: Option<f64>,
@@ -108,7 +109,7 @@ impl Bench {
         Ok(())
     }
 
-    /// How the face is found and moved.
+    /// The options for finding and moving the face.
     fn options(&self) -> Result<FaceOptions> {
         let landmarks = self.landmarks.as_deref().map(LandmarkSource::read);
         Ok(FaceOptions {

@@ -1,4 +1,4 @@
-//! What this machine can do at most, as far as its own matrix product shows it.
+//! Measures this machine's peak speed with the library's own matrix product.
 
 use std::time::Instant;
 
@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 use anyface::nn::matrix;
 
-/// Rows and columns: three such matrices fit a cache of 1 MB.
+/// Rows and columns of a matrix. Three such matrices fit in a cache of 1 MB.
 const SIZE: usize = 256;
-/// Products of each thread in one run.
+/// Products that each thread computes in one run.
 const PRODUCTS: usize = 64;
-/// Runs, of which the best counts.
+/// Number of runs. The best one counts.
 const RUNS: usize = 8;
 
 /// Billions of single-precision operations a second on all threads.

@@ -1,4 +1,4 @@
-//! The stages in the order in which a mesh and a sound meet them.
+//! Times the stages in the order in which a mesh and a recording pass through them.
 
 use super::clock::Clock;
 use crate::arguments::SharedArgs;
@@ -14,7 +14,7 @@ use anyface::{
     spread::{Animation, Collector},
 };
 
-/// Multiply-adds of a vertex and frame besides those with the 68 landmarks: three axes of the
+/// Multiply-adds per vertex and frame in addition to those for the 68 landmarks: three axes of the
 /// learned part and the jaw, see [`anyface::deform::LandmarkWeights`].
 const CROSS: usize = 3 * 27;
 
@@ -50,7 +50,7 @@ pub(super) fn run(
     Ok(frames)
 }
 
-/// What [`Skin`] and [`PlateWeights`] do, piece by piece.
+/// Times the work of [`Skin`] and [`PlateWeights`] piece by piece.
 fn solving(
     clock: &mut Clock,
     mesh: &Mesh,

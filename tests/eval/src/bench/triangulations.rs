@@ -1,4 +1,4 @@
-//! The same motion on the same head in several triangulations.
+//! Compares the same motion on the same head in several triangulations.
 
 use std::collections::HashMap;
 
@@ -19,21 +19,23 @@ use anyface::{
     },
 };
 
-/// Vertices that each triangulation comes down to; the finest is the mesh cut in four as often as
-/// it stays below the last.
+/// Numbers of vertices of the coarser triangulations.
 const SIZES: [usize; 3] = [1_000, 4_000, 12_000];
+/// The finest triangulation cuts each triangle in four, as often as the number of vertices stays
+/// below this.
 const FINEST: usize = 450_000;
 
 /// Differences over all frames and all vertices of the coarsest triangulation.
 pub(super) struct Spread {
     vertices: Vec<usize>,
-    /// For each pair of triangulations: their numbers, 95 % quantile and largest difference, mm on
-    /// a human head; motion is their mean displacement's largest.
+    /// For each pair of triangulations: their indices, then the 95 % quantile and the largest of
+    /// the differences, mm on a human head.
     pairs: Vec<(usize, usize, f64, f64)>,
+    /// The largest displacement on the coarsest triangulation.
     largest_motion_mm: f64,
 }
 
-/// Animates all of them.
+/// Animates every triangulation and compares the results.
 pub(super) fn measure(
     shared: &SharedArgs,
     mesh: &Mesh,
@@ -86,8 +88,8 @@ fn distances(a: &Array3<f32>, b: &Array3<f32>, to_mm: f32) -> Vec<f64> {
     rows.map(|d| f64::from(to_mm * d.dot(&d).sqrt())).collect()
 }
 
-/// Coarser ones, the mesh itself and a finer one; and for each the numbers of the vertices that
-/// all of them have.
+/// The coarser triangulations, the mesh itself and a finer one. For each of them also the indices
+/// of the vertices that all of them share.
 fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
     let mut coarser: Vec<(Mesh, Vec<u32>)> = SIZES
         .iter()
@@ -113,8 +115,8 @@ fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
     (coarser.into_iter().map(|(mesh, _)| mesh).collect(), common)
 }
 
-/// A coarser mesh and the original number of each of its vertices. Landmarks are not kept on
-/// purpose: an artist's mesh has no vertex there.
+/// A coarser mesh and the original index of each of its vertices. It deliberately does not preserve
+/// landmarks, since an artist's mesh has no vertices exactly there.
 fn down_to(mesh: &Mesh, vertices: usize) -> (Mesh, Vec<u32>) {
     let exact: Vec<_> = (0..mesh.positions.len() as u32)
         .map(|v| mesh.point(v))

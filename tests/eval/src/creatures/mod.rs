@@ -1,4 +1,5 @@
-//! Creatures without a human face that five clicks make talk: how their mouths part, and what tears.
+//! Measures creatures without a human face whose faces are set up with five clicks: how far their
+//! mouths open, and what tears.
 
 mod motion;
 mod shapes;
@@ -31,23 +32,25 @@ use crate::{
     vertex_motion::{distance, spread_landmarks},
 };
 
-/// Measure creatures whose faces five points make: how far their mouths part, and what tears
+/// Measure creatures whose faces are set up with five points: how far their mouths open, and what
+/// tears
 #[derive(Args)]
 pub(super) struct Creatures {
     #[command(flatten)]
     data: DataArgs,
-    /// Only creatures whose title has this in it
+    /// Only creatures whose title contains this
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
-    /// Draw every creature into this folder: at rest, its jaw dropped, smiling, its eyes shut, from two sides
+    /// Draw every creature into this folder from two sides: at rest, with dropped jaw, smiling,
+    /// with shut eyes
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
-    /// Write every mesh into this folder, with its five points as --points takes them
+    /// Write every mesh into this folder, with its five points in the form that --points takes
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
 }
 
-/// Files of the data folder, and the five points that were clicked on them.
+/// Files of the data folder, and the five points that somebody clicked on each.
 const FILES: [(&str, [[f32; 3]; 5]); 4] = [
     (
         "koala.obj",
@@ -91,39 +94,44 @@ const FILES: [(&str, [[f32; 3]; 5]); 4] = [
     ),
 ];
 
-/// Of a picture: pixels, half its height in metres, and its turn in radians.
+/// The size of a picture in pixels, half its height in metres, and the turn of its second view in
+/// radians.
 const SIZE: (usize, usize) = (300, 300);
 const HALF_HEIGHT_M: f32 = 0.11;
 const TURNED: f32 = 0.8;
 
-/// A mouth talks where its lips part by this share of what its landmarks do; one whose lips are one surface where its
-/// lower lip goes so far.
+/// A mouth talks if its lips part by at least this share of the motion of its landmarks. If the
+/// lips are one surface, the lower lip has to move down by this share instead.
 const LEAST_MOVED: f32 = 0.6;
-/// How far from the landmarks of the inner lips a mouth is painted, in widths of the mouth.
+/// The mouth is painted within this distance of the inner lips' landmarks, in widths of the mouth.
 const PAINTED_WIDTHS: f32 = 0.06;
-/// At most this share of the triangles that move may be torn or turned over.
+/// A creature talks only if at most this share of the moving triangles is torn or turned over.
 const MOST_TORN: f32 = 0.01;
 
 /// One creature.
 #[derive(Serialize)]
 struct Row {
     title: String,
-    /// How its lips meet, and whether slits part its lids from its eyes.
+    /// How the lips meet.
     mouth: &'static str,
+    /// For each eye, whether its lids close, are sculpted shut or are joined to the eye.
     lids: [String; 2],
-    /// Of lips that are one surface: why they were not opened; empty where they were.
+    /// If the lips are one surface: why they could not be opened, or empty if they were.
     sealed: Option<String>,
-    /// How far the middles of the lips part when the jaw drops, of what its landmarks do.
+    /// How far the middles of the lips part when the jaw drops, as a share of the motion of their
+    /// landmarks.
     parted: f32,
-    /// How far the lower lip goes down, of what its landmarks do.
+    /// How far the lower lip moves down, as a share of the motion of its landmark.
     follows: f32,
-    /// How far the corners of the mouth move in a smile, of what their landmarks do.
+    /// How far the corners of the mouth move in a smile, as a share of the motion of their
+    /// landmarks.
     smile: f32,
-    /// Triangles that move as the jaw drops, that grow beyond four times, that lie over.
+    /// Triangles that move when the jaw drops. Of these, how many grow beyond four times their area
+    /// and how many turn over.
     moving: usize,
     grown: usize,
     turned: usize,
-    /// What the mouth cannot show.
+    /// Sentences about what the mouth cannot show.
     limits: Vec<String>,
     talks: bool,
 }
@@ -150,7 +158,7 @@ impl Creatures {
     }
 }
 
-/// The files and the shapes, each with its five points.
+/// The meshes of the files and the generated shapes, each with its five points.
 fn subjects_of(meshes: &Path) -> Result<Vec<Subject>> {
     let mut subjects = Vec::new();
     for (name, five) in FILES {
@@ -239,7 +247,8 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
     Ok(row)
 }
 
-/// Each frame from the front and turned; lips that are one surface are painted, since nothing else shows them.
+/// Draws each frame from the front and turned. Lips that are one surface are painted, since nothing
+/// else shows them.
 fn picture(face: &Face, frames: &[Option<ArrayView2<'_, f32>>]) -> Picture {
     let cells = Cells {
         mesh: &face.mesh,
@@ -272,7 +281,7 @@ fn picture(face: &Face, frames: &[Option<ArrayView2<'_, f32>>]) -> Picture {
     under(&rows)
 }
 
-/// The mesh as a Wavefront file, and its points in a text file beside it.
+/// Writes the mesh as a Wavefront file, and its points as a text file next to it.
 fn written(folder: &Path, subject: &Subject) -> Result<()> {
     use std::{fmt::Write, fs};
     let mut text = String::new();
@@ -331,7 +340,7 @@ mod tests {
 
     use super::*;
 
-    /// Creatures are closed surfaces on which somebody can click the five points.
+    /// The five points of each creature lie on its surface, where somebody can click them.
     #[test]
     fn creatures_are_whole_and_their_points_lie_on_them() {
         for creature in &CREATURES {
@@ -347,7 +356,7 @@ mod tests {
         }
     }
 
-    /// Nothing of its face is in its surface: the points alone say where the mouth is.
+    /// The cup's surface has no mouth. Only the points say where it is.
     #[test]
     fn a_cup_talks_by_five_points() {
         let cup = CREATURES

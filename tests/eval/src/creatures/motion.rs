@@ -1,18 +1,18 @@
-//! Poses that a creature tries, and what its mesh does in them.
+//! The test poses of a creature, and measures of what its mesh does in them.
 
 use anyface::Face;
 use ndarray::{Array3, ArrayView2};
 
 use crate::vertex_motion::{distance, dot, normal, pose};
 
-/// Triangles may grow so many times before they count as torn.
+/// Triangles that grow beyond this many times their area count as torn.
 const MOST_GROWTH: f32 = 4.0;
-/// Triangles that turn by more than this lie over: the cosine of 100 degrees.
+/// Triangles that turn by more than 100 degrees have turned over. This is the cosine.
 const TURNED_OVER: f32 = -0.17;
-/// A triangle moves where a corner goes by this much, canonical metres.
+/// A triangle counts as moving if a corner moves at least this far, canonical metres.
 const MOVES_M: f32 = 5e-4;
 
-/// `[1, 68, 3]`, metres: the corners of the mouth go out and up.
+/// `[1, 68, 3]`, metres: the corners of the mouth move out and up.
 pub(super) fn smile() -> Array3<f32> {
     let mut moved = Array3::zeros((1, 68, 3));
     for (n, side, share) in [
@@ -31,7 +31,7 @@ pub(super) fn smile() -> Array3<f32> {
     moved
 }
 
-/// `[1, 68, 3]`, metres: upper lids go down by more than eyes are open.
+/// `[1, 68, 3]`, metres: the upper lids move down by more than the height of an open eye.
 pub(super) fn shut_eyes() -> Array3<f32> {
     let mut moved = Array3::zeros((1, 68, 3));
     for n in [37, 38, 43, 44] {
@@ -40,8 +40,9 @@ pub(super) fn shut_eyes() -> Array3<f32> {
     moved
 }
 
-/// The mean motion of some landmarks' vertices, less that of others, along what these landmarks do `[68, 3]`, of what
-/// they do.
+/// How far the vertices of the landmarks `some` follow the `requested` motion `[68, 3]`, as a share
+/// of it. With landmarks in `less`, it compares the difference between the mean motions of the two
+/// groups instead.
 pub(super) fn of_landmarks(
     face: &Face,
     frame: ArrayView2<'_, f32>,
@@ -65,7 +66,8 @@ pub(super) fn of_landmarks(
         let (some, less) = (mean(some, motion), mean(less, motion));
         std::array::from_fn(|i| some[i] - less[i])
     };
-    // Both sides of a smile go apart: each landmark's own motion is what counts.
+    // Sideways, the two corners of a smile would cancel out in a mean, so each landmark counts by
+    // itself.
     let (sum, length) = match less.is_empty() {
         true => some.iter().fold((0.0, 0.0), |(sum, length), n| {
             (
@@ -81,7 +83,8 @@ pub(super) fn of_landmarks(
     sum / length.max(f32::MIN_POSITIVE)
 }
 
-/// Triangles that move in a frame `[V, 3]`, that grow, and that lie over.
+/// The numbers of triangles that move in a frame `[V, 3]`, and of these the numbers that grow and
+/// turn over.
 pub(super) fn torn(face: &Face, frame: ArrayView2<'_, f32>) -> [usize; 3] {
     let moves = MOVES_M / face.metres_per_unit() as f32;
     let posed = pose(&face.mesh, frame).positions;

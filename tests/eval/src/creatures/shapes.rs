@@ -1,7 +1,9 @@
-//! Crude creatures without a human face, as surfaces of distance fields, with the five points that somebody would click.
+//! Crude creatures without a human face, made as surfaces of distance fields, with the five points
+//! that somebody would click.
 //!
-//! Metres, facing +z with +y up. Each is one closed surface; what separates it from the others is where its mouth is and
-//! how it parts: a snout that is all mouth, a beak, a slot in a box, a line that is only painted.
+//! They are in metres and face +z with +y up. Each body is one closed surface. The creatures differ
+//! in where the mouth is and how it opens: a snout that is all mouth, a beak, a slot in a box, a
+//! line that is only painted.
 
 use anyface::{
     Result,
@@ -10,19 +12,19 @@ use anyface::{
 };
 use glam::{Vec2, Vec3, Vec3Swizzles};
 
-/// A creature: what it is, its distance field, and the outer corners of its right and left eye, the tip of its nose, the
-/// right and left corner of its mouth.
+/// A creature: its title, its distance field, and its five points. These are the outer corners of
+/// the right and left eye, the tip of the nose, and the right and left corner of the mouth.
 pub(super) struct Creature {
     pub title: &'static str,
     field: fn(Vec3) -> f32,
-    /// Surfaces of their own beside it.
+    /// The fields of further, separate surfaces.
     pieces: &'static [fn(Vec3) -> f32],
     pub five: [[f32; 3]; 5],
 }
 
-/// Half the side of the box that each one fits into, metres.
+/// Half the side of the box that every creature fits into, metres.
 const HALF_BOX_M: f32 = 0.3;
-/// Cells along the side of that box: 3 mm each.
+/// Cells along the side of that box, 3 mm each.
 const CELLS: usize = 200;
 
 impl Creature {
@@ -123,7 +125,8 @@ pub(super) const CREATURES: [Creature; 8] = [
     },
 ];
 
-/// Five points of a face that mirrors itself: the left eye's outer corner, the nose, the left corner of the mouth.
+/// The five points of a symmetric face, given the outer corner of its left eye, its nose and the
+/// left corner of its mouth.
 const fn mirrored(eye: [f32; 3], nose: [f32; 3], mouth: [f32; 3]) -> [[f32; 3]; 5] {
     [
         [-eye[0], eye[1], eye[2]],
@@ -134,7 +137,7 @@ const fn mirrored(eye: [f32; 3], nose: [f32; 3], mouth: [f32; 3]) -> [[f32; 3]; 
     ]
 }
 
-/// A skull with eyes on top, and a snout that is parted over its whole length.
+/// A skull with eyes on top, and a snout that is slit along its whole length.
 fn alligator(p: Vec3) -> f32 {
     let q = across(p);
     let skull = ellipsoid(p, [0.0, 0.0, 0.0], [0.085, 0.07, 0.1]);
@@ -146,7 +149,7 @@ fn alligator(p: Vec3) -> f32 {
     body.max(-slit)
 }
 
-/// A ball; its upper and lower beak are cones.
+/// A ball whose upper and lower beak are cones.
 fn beaked_ball(p: Vec3) -> f32 {
     let q = across(p);
     let ball_ = ball(p, [0.0; 3], 0.1);
@@ -157,7 +160,7 @@ fn beaked_ball(p: Vec3) -> f32 {
     join(join(ball_, eye, 0.008), upper.min(lower), 0.008).max(-slit)
 }
 
-/// Flat from side to side, with eyes that look sideways and a small mouth in front.
+/// A fish, flattened from side to side, with eyes on its sides and a small mouth in front.
 fn fish(p: Vec3) -> f32 {
     let q = across(p);
     let body = ellipsoid(p, [0.0, 0.0, 0.0], [0.055, 0.085, 0.15]);
@@ -170,7 +173,7 @@ fn fish(p: Vec3) -> f32 {
     join(all, eye, 0.006).max(-slit)
 }
 
-/// A round snout and ears.
+/// A boar's head with a round snout and ears.
 fn boar(p: Vec3) -> f32 {
     let q = across(p);
     let skull = ellipsoid(p, [0.0, 0.02, 0.0], [0.095, 0.1, 0.11]);
@@ -183,7 +186,7 @@ fn boar(p: Vec3) -> f32 {
     join(head, eye, 0.006).max(-slit)
 }
 
-/// Rise from the lower jaw beside the upper lip.
+/// Tusks that rise from the lower jaw next to the upper lip.
 fn tusks(p: Vec3) -> f32 {
     let q = across(p);
     let root = cone(
@@ -209,7 +212,7 @@ fn robot(p: Vec3) -> f32 {
     head.min(eye).min(nose).min(aerial).min(knob).max(-slot)
 }
 
-/// A hollow cup with a handle. Its face is painted: nothing of it is in the surface but a nose.
+/// A hollow cup with a handle. Its face is only painted and leaves no trace in the surface.
 fn cup(p: Vec3) -> f32 {
     let outside = cylinder(p, 0.06, 0.065);
     let inside = cylinder(p - Vec3::new(0.0, 0.012, 0.0), 0.052, 0.065);
@@ -218,12 +221,12 @@ fn cup(p: Vec3) -> f32 {
     join(outside, handle, 0.006).max(-inside)
 }
 
-/// Hangs before the lower lip.
+/// A beard that hangs in front of the lower lip.
 fn beard(p: Vec3) -> f32 {
     ellipsoid(p, [0.0, -0.085, 0.09], [0.045, 0.043, 0.025])
 }
 
-/// Upper teeth that stand before the lower lip.
+/// Upper teeth that stand in front of the lower lip.
 fn teeth(p: Vec3) -> f32 {
     let q = across(p);
     let tooth = |x: f32| rounded_box(q, [x, -0.042, 0.103], [0.005, 0.012, 0.003], 0.002);
@@ -249,7 +252,7 @@ fn ball(p: Vec3, centre: [f32; 3], radius: f32) -> f32 {
     p.distance(centre.into()) - radius
 }
 
-/// About the distance, exact at the surface.
+/// An approximate distance, exact at the surface.
 fn ellipsoid(p: Vec3, centre: [f32; 3], radii: [f32; 3]) -> f32 {
     let (p, r) = (p - Vec3::from(centre), Vec3::from(radii));
     let (a, b) = ((p / r).length(), (p / (r * r)).length());
@@ -264,20 +267,20 @@ fn rounded_box(p: Vec3, centre: [f32; 3], half: [f32; 3], radius: f32) -> f32 {
     q.max(Vec3::ZERO).length() + q.max_element().min(0.0) - radius
 }
 
-/// From `a` to `b`, its radius from `at_a` to `at_b`.
+/// A cone with round ends from `a` to `b`, whose radius goes from `at_a` to `at_b`.
 fn cone(p: Vec3, a: [f32; 3], b: [f32; 3], at_a: f32, at_b: f32) -> f32 {
     let (a, b) = (Vec3::from(a), Vec3::from(b));
     let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
     p.distance(a.lerp(b, along)) - (at_a + along * (at_b - at_a))
 }
 
-/// About the y axis.
+/// A cylinder around the y axis.
 fn cylinder(p: Vec3, radius: f32, half_height: f32) -> f32 {
     let d = Vec2::new(p.xz().length() - radius, p.y.abs() - half_height);
     d.max(Vec2::ZERO).length() + d.max_element().min(0.0)
 }
 
-/// Both, with a fillet of `width` where they meet.
+/// Joins two shapes, with a fillet of `width` where they meet.
 fn join(a: f32, b: f32, width: f32) -> f32 {
     let h = (width - (a - b).abs()).max(0.0) / width;
     a.min(b) - 0.25 * h * h * width

@@ -1,4 +1,4 @@
-//! Eyes in close-up, half shut and shut, under every emotion.
+//! Close-ups of the eyes, open, half shut and shut, under every emotion.
 
 use ndarray::{Array3, ArrayView2, Axis};
 
@@ -43,12 +43,12 @@ const HALF_HEIGHT_M: f32 = 0.023;
 /// Blinks of one head.
 pub(super) struct Blinks {
     pub picture: Picture,
-    /// Share of what is seen of the eyeballs at rest that is seen when shut, an emotion after the other; none
-    /// for a head without eyeballs.
+    /// Visible area of the eyeballs with shut lids, as a share of that at rest, for each emotion.
+    /// `None` for a head without eyeballs.
     pub in_sight: Option<Vec<f64>>,
 }
 
-/// The emotions in words.
+/// The names of the emotions as text.
 pub(super) fn titles() -> String {
     EMOTIONS.join(", ")
 }
@@ -77,7 +77,8 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
     })
 }
 
-/// The frames of a silent face that feels something in which its eyes are widest open, half shut and shut.
+/// Three frames of a silent face with an emotion: those with its eyes widest open, half shut and
+/// shut.
 pub(crate) fn extremes(emotion: &str) -> Result<Motion> {
     let clip = blinking(emotion)?;
     let openings = openings(&clip);
@@ -95,7 +96,7 @@ pub(crate) fn extremes(emotion: &str) -> Result<Motion> {
     }))
 }
 
-/// A silent face that feels something and blinks often.
+/// The motion of a silent face with an emotion that blinks often.
 fn blinking(emotion: &str) -> Result<LandmarkClip> {
     let affect = EmotionCurve::parse(emotion)?.sample(FRAMES, FPS);
     let expressions = Expressions::open(None)?;
@@ -121,7 +122,7 @@ fn blinking(emotion: &str) -> Result<LandmarkClip> {
     FaceModes::open(None)?.apply_controls(&still, &cues, &controls)
 }
 
-/// How far the lids rise apart in each frame, metres.
+/// How far the lids move apart in each frame, summed over four pairs of landmarks, metres.
 fn openings(clip: &LandmarkClip) -> Vec<f32> {
     let pairs = [(37, 41), (38, 40), (43, 47), (44, 46)];
     let frames = clip.displacements.outer_iter();
@@ -134,8 +135,8 @@ fn openings(clip: &LandmarkClip) -> Vec<f32> {
     frames.map(of).collect()
 }
 
-/// Visible area of the eyeballs in a frame, as a share of that at rest. `None` without eyeballs. The mesh must be
-/// upright with +z out of the face, as the heads of a gallery are.
+/// Visible area of the eyeballs in a frame, as a share of that at rest. `None` for a face without
+/// eyeballs. The mesh must be upright and face +z, as the heads of a gallery do.
 pub(crate) fn eyeball_share(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
     let of = |role| -> Vec<[u32; 3]> {
         let all = face.mesh.triangles.iter().copied();

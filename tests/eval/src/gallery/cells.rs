@@ -1,4 +1,4 @@
-//! The pictures of one mesh, seen upright in the canonical frame.
+//! Draws the pictures of one mesh, upright in the canonical frame.
 
 use std::ops::Range;
 
@@ -18,17 +18,17 @@ const GAP: usize = 3;
 const SKIN: [f32; 3] = [0.55, 0.5, 0.47];
 const EYEBALL: [f32; 3] = [0.82, 0.86, 0.95];
 const HOT: [f32; 3] = [0.8, 0.03, 0.02];
-/// A vertex that truly moves less is not counted, millimetres.
+/// The mean error leaves out vertices whose true motion is no more than this, millimetres.
 const LEAST_MOTION_MM: f32 = 0.5;
 /// Half the side of a landmark's mark, pixels.
 const MARK: isize = 1;
 
-/// From where a cell is drawn.
+/// The viewpoint of a cell.
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     /// Pixels.
     pub size: (usize, usize),
-    /// Canonical metres of half a picture's height, and its middle in view space.
+    /// Half the picture's height, and its middle in view space, both in canonical metres.
     pub half_height_m: f32,
     pub middle_m: [f32; 2],
     /// The head turns this far, radians.
@@ -44,7 +44,7 @@ impl View {
         yaw: 0.3,
     };
 
-    /// Landmarks large, from the front; `metres`: half the height.
+    /// A close-up of some landmarks from the front. `metres` is half the picture's height.
     pub(crate) fn about(
         face: &Face,
         marks: Range<usize>,
@@ -60,7 +60,7 @@ impl View {
         view.turned(face, marks, 0.0)
     }
 
-    /// The same with the head turned, radians.
+    /// The same view with the head turned by `yaw` radians, centred on the landmarks `marks`.
     pub(crate) fn turned(self, face: &Face, marks: Range<usize>, yaw: f32) -> View {
         let view = View { yaw, ..self };
         let count = marks.len() as f32;
@@ -72,11 +72,11 @@ impl View {
         View { middle_m, ..view }
     }
 
-    /// Moves a point of the mesh into the space of the picture: metres, x right, y up, z towards the viewer.
+    /// Transforms a point of the mesh to view space: metres, x right, y up, z towards the viewer.
     fn project(&self, face: &Face, point: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = face.to_canonical.apply(point);
         let (sin, cos) = self.yaw.sin_cos();
-        // The face lies some centimetres before the axis: keeps it in the middle.
+        // The face lies some centimetres in front of the axis. The offset keeps it in the middle.
         [cos * x + sin * (z - 0.09), y, cos * z - sin * x]
     }
 }
@@ -86,7 +86,7 @@ pub(crate) struct Cells<'a> {
     pub face: &'a Face,
 }
 
-/// Pictures of one size beside one another.
+/// Places pictures next to one another in a row.
 pub(crate) fn beside(cells: &[Picture]) -> Picture {
     let width: usize = cells.iter().map(|cell| cell.width + GAP).sum();
     let height = cells.iter().map(|cell| cell.height).max().unwrap_or(0);
@@ -99,7 +99,7 @@ pub(crate) fn beside(cells: &[Picture]) -> Picture {
     row
 }
 
-/// Rows under one another.
+/// Places rows below one another.
 pub(crate) fn under(rows: &[Picture]) -> Picture {
     let width = rows.iter().map(|row| row.width).max().unwrap_or(0);
     let mut whole = Picture::white(width, rows.iter().map(|row| row.height + GAP).sum());
@@ -112,7 +112,8 @@ pub(crate) fn under(rows: &[Picture]) -> Picture {
 }
 
 impl Cells<'_> {
-    /// Landmarks, the frames `[E, V, 3]`, and `map` `[V]`, red from `scale` on.
+    /// A row of pictures: the neutral face with its landmarks, each of the frames `[E, V, 3]`, and
+    /// the values `map` `[V]` as colours, fully red from `scale` on.
     pub(crate) fn row(&self, moved: ArrayView3<'_, f32>, map: &[f32], scale: f32) -> Picture {
         let plain = vec![SKIN; self.mesh.triangles.len()];
         let mut cells = vec![self.neutral(&plain)];
@@ -143,12 +144,12 @@ impl Cells<'_> {
         picture
     }
 
-    /// One frame `[V, 3]`, or the neutral face, with eyeballs in their own colour.
+    /// Draws a frame `[V, 3]`, or the neutral face, with the eyeballs in their own colour.
     pub(crate) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
         self.marked(moved, &[], view)
     }
 
-    /// The same with some triangles in red.
+    /// Like `close_up`, with some triangles in red.
     pub(crate) fn marked(
         &self,
         moved: Option<ArrayView2<'_, f32>>,
@@ -197,13 +198,13 @@ fn heat(corners: &[u32; 3], map: &[f32], scale: f32) -> [f32; 3] {
 }
 
 pub(crate) struct Errors {
-    /// `[V]`, largest over the frames, millimetres.
+    /// `[V]`, the largest error over the frames, millimetres.
     pub worst_of_vertex: Vec<f32>,
-    /// Mean over the vertices that truly move, one a frame.
+    /// The mean error of each frame over the vertices that truly move, millimetres.
     pub means: Vec<f32>,
 }
 
-/// Distance from the truth. `moved`: `[E, V, 3]`, mesh units.
+/// The distances of `moved` `[E, V, 3]`, mesh units, from the truth.
 pub(crate) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
     let mut errors = Errors {
         worst_of_vertex: vec![0.0; moved.dim().1],
@@ -226,7 +227,8 @@ pub(crate) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
     errors
 }
 
-/// `[F]`, the largest |ln| of an area's ratio to that of the neutral face. `moved`: `[E, V, 3]`.
+/// `[F]`, the largest |ln| over the frames of the ratio of a triangle's area to its neutral area.
+/// `moved` is `[E, V, 3]`.
 pub(crate) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
     let areas = |mesh: &Mesh| mesh.face_areas().into_iter().map(|area| area as f32);
     let neutral: Vec<f32> = areas(mesh).collect();
@@ -234,7 +236,7 @@ pub(crate) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
     let mut worst = vec![0.0f32; neutral.len()];
     for frame in moved.outer_iter() {
         let posed = pose(mesh, frame);
-        // A thousandth of a typical area keeps slivers out of it.
+        // Adding a thousandth of the mean area keeps slivers from dominating.
         let least = 1e-3 * typical.max(f32::MIN_POSITIVE);
         for ((worst, now), before) in worst.iter_mut().zip(areas(&posed)).zip(&neutral) {
             *worst = worst.max(((now + least) / (before + least)).ln().abs());
@@ -243,7 +245,7 @@ pub(crate) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
     worst
 }
 
-/// `[V]`, the largest of the triangles around.
+/// `[V]`, the largest value of the triangles around each vertex.
 pub(crate) fn at_vertices(mesh: &Mesh, of_triangles: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0f32; mesh.positions.len()];
     for (corners, value) in mesh.triangles.iter().zip(of_triangles) {

@@ -1,4 +1,4 @@
-//! Emotions beside the truth: what skin does between the landmarks.
+//! Compares emotions with the true motion, to show how the skin moves between the landmarks.
 
 use ndarray::ArrayView3;
 
@@ -14,21 +14,23 @@ use anyface::{Engine, Face, Result, job::SILENT, mesh::Mesh};
 
 const SIZE: (usize, usize) = (200, 150);
 const HALF_HEIGHT_M: f32 = 0.055;
-/// A vertex is of a region within this distance of its middle, millimetres.
+/// A region holds the vertices within this distance of its middle, millimetres.
 const REGION_MM: f32 = 18.0;
-/// Normals that truly turn by less than this are not counted, as the length of their change.
+/// Normals whose true turn is no more than this do not count. A turn is the length of a normal's
+/// change.
 const LEAST_TURN: f32 = 0.05;
 
 /// Emotions on a face whose true motion is known.
 pub(super) struct Emotions {
     pub picture: Picture,
-    /// Mean error over the vertices that truly move, one an emotion, millimetres.
+    /// The mean error of each emotion over the vertices that truly move, millimetres.
     pub error_mm: Vec<f32>,
-    /// Turn of the normals between the brows, and on the cheeks, along the true turn, of it.
+    /// How far normals turn along their true turn, as a share of it, between the brows and on the
+    /// cheeks.
     pub turned: [f32; 2],
 }
 
-/// `None` for a subject without a truth.
+/// Measures and draws the emotions. `None` for a subject whose true motion is unknown.
 pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emotions>> {
     let Some(truth) = &subject.truth else {
         return Ok(None);
@@ -63,7 +65,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
     }))
 }
 
-/// Vertices about the middle between two landmarks.
+/// The vertices around the midpoint of two landmarks.
 fn near(face: &Face, mm: f32, marks: [usize; 2]) -> Vec<usize> {
     let [a, b] = marks.map(|n| face.landmarks.positions[n]);
     let middle = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
@@ -72,7 +74,7 @@ fn near(face: &Face, mm: f32, marks: [usize; 2]) -> Vec<usize> {
     (0..at.len()).filter(near).collect()
 }
 
-/// Turn of normals along the true turn, of it, over all frames.
+/// How far normals turn along their true turn, as a share of it, over all frames.
 fn turn(
     mesh: &Mesh,
     region: &[usize],

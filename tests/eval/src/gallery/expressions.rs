@@ -1,10 +1,10 @@
-//! What the frames of a gallery show, as weights of ARKit channels.
+//! The expressions in the frames of a gallery, as weights of ARKit channels.
 
-/// What a frame shows.
+/// The expression of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Expression {
     pub title: &'static str,
-    /// ARKit channels with their weights; a name without a side moves both.
+    /// ARKit channels with their weights. A name without a side moves both sides.
     pub channels: &'static [(&'static str, f32)],
 }
 
@@ -14,7 +14,7 @@ pub(super) const BLINK: Expression = Expression {
     channels: &[("eyeBlinkLeft", 1.0), ("eyeBlinkRight", 1.0)],
 };
 
-/// One movement each.
+/// Expressions of a single movement.
 pub(super) const MOVEMENTS: [Expression; 4] = [
     Expression {
         title: "jaw open",
@@ -31,8 +31,8 @@ pub(super) const MOVEMENTS: [Expression; 4] = [
     BLINK,
 ];
 
-/// Six emotions by the action units of Ekman and Friesen, both sides alike: 6 and 12; 1, 4 and 15; 4, 5, 7
-/// and 23; 1, 2, 4, 5, 7 and 20; 1, 2, 5 and 26; 9, 15 and 16.
+/// Six emotions by the action units of Ekman and Friesen, the same on both sides: 6 and 12; 1, 4
+/// and 15; 4, 5, 7 and 23; 1, 2, 4, 5, 7 and 20; 1, 2, 5 and 26; 9, 15 and 16.
 pub(super) const HEARD_EMOTIONS: [Expression; 6] = [
     Expression {
         title: "happy",

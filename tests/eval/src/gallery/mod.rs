@@ -1,4 +1,5 @@
-//! `anyface-eval gallery`: every mesh with its landmarks, four frames and an error map, as a page.
+//! `anyface-eval gallery`: makes a page that shows every mesh with its landmarks, four frames and
+//! an error map.
 
 pub(crate) mod blinks;
 pub(crate) mod cells;
@@ -37,10 +38,10 @@ use anyface::{
 pub(crate) struct Gallery {
     #[command(flatten)]
     data: DataArgs,
-    /// The page, Markdown, with G.json and images/G/ beside it
+    /// The page as Markdown, with G.json and images/G/ next to it
     #[arg(long, value_name = "G.md")]
     out: PathBuf,
-    /// A head of one's own: head.obj and landmarks.json
+    /// The default head: head.obj and landmarks.json
     #[arg(
         long,
         value_name = "DIR",
@@ -52,23 +53,23 @@ pub(crate) struct Gallery {
     also: Option<PathBuf>,
 }
 
-/// Of the movements those of the mouth come first.
+/// The number of mouth movements, which come first in `MOVEMENTS`.
 const MOUTH: usize = 3;
 
-/// What is said of a mesh.
+/// What the page says about a mesh.
 #[derive(Default, Serialize)]
 struct Shown {
     title: String,
     vertices: usize,
-    /// Mean over the landmarks; none where no face was found.
+    /// Mean over the landmarks. `None` if no face was found.
     confidence: Option<f32>,
     /// Why there is no face.
     refused: Option<String>,
-    /// Distance of the landmarks that were found from the true ones, median, on a human head.
+    /// Median distance of the face's landmarks from the true ones, in millimetres on a human head.
     landmarks_mm: Option<f32>,
-    /// Mean error over all vertices that truly move, one number an expression.
+    /// The mean error of each expression over all vertices that truly move.
     error_mm: Option<Vec<f32>>,
-    /// Share of triangles whose area grows or shrinks to more than three times in any frame.
+    /// Share of triangles whose area grows or shrinks by more than a factor of three in any frame.
     torn_share: Option<f32>,
     picture: Option<String>,
 }
@@ -163,7 +164,8 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip
     Ok(shown)
 }
 
-/// `[E, V, 3]`, mesh units. With true motion its own landmarks lead, else ICT's.
+/// `[E, V, 3]`, mesh units. A face with known true motion follows its own landmarks, any other face
+/// ICT's.
 fn frames(
     engine: &Engine,
     subject: &Subject,

@@ -1,4 +1,4 @@
-//! Lips that are one surface: untouched, and opened.
+//! Shows heads whose lips are one surface, both untouched and with an opened mouth.
 
 use ndarray::ArrayView3;
 
@@ -19,21 +19,23 @@ use anyface::{
 
 const SIZE: (usize, usize) = (220, 170);
 const HALF_HEIGHT_M: f32 = 0.045;
-/// Turned, radians: what a bag or a pulled skin looks like from the side.
+/// Turn of the second view, radians. It shows a mouth bag or stretched skin from the side.
 const TURNED: f32 = 0.7;
-/// Triangles this near to the mouth's landmarks are of the mouth, of the mouth's width.
+/// Triangles within this distance of the mouth's landmarks belong to the mouth, in widths of the
+/// mouth.
 const NEAR: f32 = 0.6;
 
 /// One head whose lips are one surface.
 pub(super) struct WeldedLips {
     pub picture: Picture,
-    /// Share of the mouth's triangles that grow beyond twice their area in any frame, untouched.
+    /// Share of the untouched mouth's triangles that grow beyond twice their area in any frame.
     pub grown: f32,
-    /// By how much the inner lips part in the first frame, of what the landmarks say; why not.
+    /// How far the opened inner lips part in the first frame, as a share of their landmarks'
+    /// motion. An error says why the mouth could not be opened.
     pub parted: std::result::Result<f32, String>,
 }
 
-/// `None` for a head without a face, or one whose lips part.
+/// Measures and draws a head. `None` if it has no face or its lips are already separate.
 pub(super) fn welded_lips(
     engine: &Engine,
     subject: &Subject,
@@ -63,7 +65,7 @@ pub(super) fn welded_lips(
     }))
 }
 
-/// The same head with its mouth opened, or why it cannot be.
+/// The same head with its mouth opened, or the reason why that is not possible.
 fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, String>> {
     let opened = match engine.open_mouth(face, SILENT) {
         Ok(opened) => opened,
@@ -73,7 +75,7 @@ fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, Stri
     engine.prepare(&opened.mesh, &options, SILENT).map(Ok)
 }
 
-/// From the front and turned: at rest, then each frame.
+/// Two rows, from the front and turned. Each shows the head at rest and then every frame.
 fn rows_of(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
     let cells = Cells { mesh, face };
     let front = View::about(face, 48..68, SIZE, HALF_HEIGHT_M);
@@ -89,7 +91,7 @@ fn rows_of(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture
     vec![row(&front), row(&turned)]
 }
 
-/// Share of the triangles about the mouth that grow beyond twice their area in any frame.
+/// Share of the triangles around the mouth that grow beyond twice their area in any frame.
 fn grown(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> f32 {
     let marks = &face.landmarks.positions;
     let reach = NEAR * distance(marks[48], marks[54]);
@@ -108,7 +110,8 @@ fn grown(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> f32 {
     many as f32 / of_mouth.len().max(1) as f32
 }
 
-/// By how much the middle of the inner lips parts in the first frame, of what the landmarks say.
+/// How far the middles of the inner lips part in the first frame, as a share of their landmarks'
+/// motion.
 fn parting(face: &Face, frames: ArrayView3<'_, f32>, motion: &LandmarkClip) -> f32 {
     let [upper, lower] = [62, 66].map(|n| face.landmarks.vertices[n] as usize);
     let frame = frames.index_axis(ndarray::Axis(0), 0);

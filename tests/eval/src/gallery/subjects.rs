@@ -1,4 +1,4 @@
-//! Heads of a gallery: files as artists have them, and faces whose true motion is known.
+//! The heads of a gallery: mesh files as artists make them, and faces whose true motion is known.
 
 use std::path::Path;
 
@@ -14,10 +14,10 @@ use anyface::{
     mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
 };
 
-/// Seed of the identity, which no training drew.
+/// Seed of the ICT identity, which was not drawn in any training.
 const IDENTITY_SEED: u64 = 20_261;
 
-/// A mesh, and what is known of it.
+/// A mesh, and what is known about it.
 pub(crate) struct Subject {
     pub title: String,
     pub mesh: Mesh,
@@ -28,24 +28,24 @@ pub(crate) struct Subject {
 /// True motion, mesh units.
 #[derive(Clone)]
 pub(crate) struct Truth {
-    /// `[E, V, 3]`, of each expression.
+    /// `[E, V, 3]`, for each expression.
     pub displacements: Array3<f32>,
     /// Vertex of each landmark.
     pub landmarks: [u32; LANDMARKS],
-    /// Millimetres of a mesh unit.
+    /// Millimetres per mesh unit.
     pub mm: f32,
 }
 
 impl Truth {
-    /// `[E, 68, 3]`, of the landmarks.
+    /// `[E, 68, 3]`, the true motion of the landmarks.
     pub(crate) fn of_landmarks(&self) -> Array3<f32> {
         let rows = self.landmarks.map(|v| v as usize);
         self.displacements.select(Axis(1), &rows)
     }
 }
 
-/// Heads that `anyface head` makes, of the seeds from 1 to `count`, by the models of the folder `weights` where there is
-/// one.
+/// The heads that `anyface head` makes from the seeds 1 to `count`, with the models of the folder
+/// `weights` if one is given.
 pub(crate) fn of_seeds(weights: Option<&Path>, count: u64) -> Result<Vec<Subject>> {
     let maker = HeadMaker::open(weights)?;
     let subject = |seed| {
@@ -63,7 +63,8 @@ pub(crate) fn of_seeds(weights: Option<&Path>, count: u64) -> Result<Vec<Subject
     (1..=count).map(subject).collect()
 }
 
-/// What `measure` says of each subject. One whose face is not found is named and left out.
+/// The results of `measure` for each subject. If a subject's face is not found, the reason is
+/// reported and the subject left out.
 pub(crate) fn measured<T>(
     subjects: &[Subject],
     console: &Console,
@@ -81,7 +82,7 @@ pub(crate) fn measured<T>(
     Ok(rows)
 }
 
-/// Every mesh file in a folder, by name.
+/// Every mesh file in a folder, sorted by name.
 pub(crate) fn of_folder(folder: &Path) -> Result<Vec<Subject>> {
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
     let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
@@ -118,8 +119,8 @@ pub(crate) fn default_head(folder: &Path) -> Result<Subject> {
     })
 }
 
-/// An ICT identity that no training drew and MakeHuman's head; each with its own landmarks and
-/// with landmarks that are found.
+/// An ICT identity that was not drawn in any training, and MakeHuman's head. Each comes twice: with
+/// its own landmarks, and with landmarks that are searched for.
 pub(crate) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     let twice = known_faces(data, &MOVEMENTS)?.into_iter().flat_map(|face| {
         let title = |landmarks: &str| format!("{}, landmarks {landmarks}", face.title);
@@ -138,12 +139,12 @@ pub(crate) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     Ok(twice.collect())
 }
 
-/// The same two with six emotions, each with its own landmarks.
+/// The same two heads under six emotions, each with its own landmarks.
 pub(crate) fn with_emotions(data: &Path) -> Result<Vec<Subject>> {
     known_faces(data, &HEARD_EMOTIONS)
 }
 
-/// The same two under their artists' own shapes: a blink, then the six emotions.
+/// The same two heads under their artists' own shapes: a blink, then the six emotions.
 pub(crate) fn with_blink_and_emotions(data: &Path) -> Result<Vec<Subject>> {
     let expressions: Vec<_> = std::iter::once(BLINK).chain(HEARD_EMOTIONS).collect();
     known_faces(data, &expressions)

@@ -1,16 +1,17 @@
-//! Hours of sound through one stream: what it takes of memory and whether its clock is that of the sound.
+//! Pushes hours of sound through one stream and reports its memory use and whether its frames
+//! keep up with the sound.
 
 use std::{fs, time::Instant};
 
 use anyface::{Engine, Error, Result};
 
-/// Samples of a push, 10 ms.
+/// Samples in one push, 10 ms.
 const PUSH: usize = 160;
 const PUSHES_PER_HOUR: u64 = 360_000;
-/// Memory is read so many times an hour.
+/// Memory readings per hour of sound.
 const READINGS: u64 = 10;
 
-/// Clips after one another, over and over.
+/// Plays the clips one after another, again and again.
 pub(super) fn run(engine: &Engine, clips: &[Vec<f32>], hours: f64) -> Result<()> {
     let mut stream = engine.weight_stream()?;
     let latency = (stream.latency_s() * 16_000.0).round() as u64;
@@ -31,7 +32,7 @@ pub(super) fn run(engine: &Engine, clips: &[Vec<f32>], hours: f64) -> Result<()>
             }
             frames += 1;
         }
-        // A frame is there with the last sample of its look-ahead.
+        // A frame is due once the last sample of its look-ahead has been pushed.
         let due = pushed
             .checked_sub(latency)
             .map_or(0, |heard| heard / 640 + 1);
@@ -51,7 +52,7 @@ pub(super) fn run(engine: &Engine, clips: &[Vec<f32>], hours: f64) -> Result<()>
     Ok(())
 }
 
-/// Memory of this process that is in use.
+/// Resident memory of this process, MB.
 fn resident_mb() -> Result<f64> {
     let text = fs::read_to_string("/proc/self/statm").map_err(|e| {
         Error::InvalidInput(format!(

@@ -1,4 +1,5 @@
-//! What a stream does with sounds that are no speech, with speech in noise and at other levels, and over hours.
+//! Measures how a stream responds to sounds other than speech, to speech in noise and at other
+//! levels, and to hours of sound.
 
 mod hours;
 mod sounds;
@@ -17,18 +18,18 @@ use crate::{
 const FRAME: usize = 640;
 /// Frames at the start of a word, 0.2 s.
 const ONSET: usize = 5;
-/// Frames in silence before a word.
+/// Silent frames before a word.
 const BEFORE: usize = 8;
-/// Frames of a clip that are louder than its loud ones less 30 dB are spoken.
+/// A frame counts as spoken if its power exceeds this share of the clip's 95th percentile (−30 dB).
 const SPOKEN_POWER: f32 = 1e-3;
 const LOUDEST: f32 = 0.5;
 
-/// Measure what a stream's mouth does under music, noise and speech, or its memory and clock over hours
+/// Measure a stream's mouth under music, noise and speech, or its memory and clock over hours
 #[derive(Args)]
 pub(super) struct Live {
     #[command(flatten)]
     data: DataArgs,
-    /// Push so many hours of sound through a stream instead, as fast as it goes
+    /// Instead, push this many hours of sound through a stream as fast as possible
     #[arg(long, value_name = "N")]
     hours: Option<f64>,
 }
@@ -37,7 +38,7 @@ impl Live {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
         let engine = shared.engine()?;
         if let Some(hours) = self.hours {
-            // Any sound takes the same work.
+            // Every sound costs the same amount of work.
             let sounds = sounds::no_speech().into_iter().map(|(_, sound)| sound);
             return hours::run(&engine, &sounds.collect::<Vec<_>>(), hours);
         }

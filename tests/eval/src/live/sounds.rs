@@ -1,4 +1,4 @@
-//! Sounds made from formulas that are no speech, and what is done to speech.
+//! Synthetic sounds that are not speech, and the changes made to clips of speech.
 
 use std::f32::consts::TAU;
 
@@ -9,7 +9,7 @@ use rand_chacha::{
 
 const RATE: usize = 16_000;
 const SECONDS: usize = 12;
-/// Roots of minor and major thirds and fifths, hertz.
+/// Major triads: the root, third and fifth of each chord, hertz.
 const CHORDS: [[f32; 3]; 4] = [
     [220.0, 277.2, 329.6],
     [196.0, 246.9, 293.7],
@@ -19,7 +19,7 @@ const CHORDS: [[f32; 3]; 4] = [
 
 type Change = fn(&[f32]) -> Vec<f32>;
 
-/// Twelve seconds each.
+/// Sounds other than speech with their names, twelve seconds each.
 pub(super) fn no_speech() -> Vec<(&'static str, Vec<f32>)> {
     let (plucked, organ, drums) = (chords(0.5, 0.4), chords(2.0, 1e3), drums());
     let together = |parts: &[&Vec<f32>]| {
@@ -55,7 +55,7 @@ pub(super) fn no_speech() -> Vec<(&'static str, Vec<f32>)> {
     ]
 }
 
-/// What is done to clips.
+/// The changes made to clips of speech, with their names.
 pub(super) fn changes() -> Vec<(&'static str, Change)> {
     vec![
         ("clean", |x| x.to_vec()),
@@ -87,7 +87,7 @@ fn rms(x: &[f32]) -> f32 {
     (x.iter().map(|x| x * x).sum::<f32>() / x.len() as f32).sqrt()
 }
 
-/// The sound at a level, dB of full scale.
+/// Scales the sound to this RMS level, dB relative to full scale.
 fn at(x: &[f32], db: f32) -> Vec<f32> {
     let gain = 10f32.powf(db / 20.0) / rms(x);
     x.iter().map(|x| x * gain).collect()
@@ -97,13 +97,13 @@ fn of(sample: impl FnMut(usize) -> f32) -> Vec<f32> {
     (0..RATE * SECONDS).map(sample).collect()
 }
 
-/// Uniform noise of −1 to 1.
+/// Uniform noise from −1 to 1.
 fn white(seed: u64) -> impl FnMut() -> f32 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     move || random.next_u32() as f32 / (u32::MAX / 2) as f32 - 1.0
 }
 
-/// Partials of a note after so many seconds.
+/// A note's value `since` seconds after its start: eight partials under an envelope.
 fn note(hz: f32, since: f32, attack: f32, decay: f32) -> f32 {
     let partial = |k: u8| (TAU * f32::from(k) * hz * since).sin() / f32::from(k).powf(1.3);
     let envelope = (since / attack).min(1.0) * (-since / decay).exp();
@@ -152,7 +152,7 @@ fn drums() -> Vec<f32> {
     })
 }
 
-/// Some seven keys a second, down and up.
+/// Five or six keystrokes a second, each a click down and a softer click up.
 fn keys() -> Vec<f32> {
     let mut noise = white(4);
     let mut out = vec![0.0; RATE * SECONDS];
@@ -172,7 +172,7 @@ fn keys() -> Vec<f32> {
     out
 }
 
-/// Noise through a low and a high corner.
+/// White noise between a low and a high corner frequency.
 fn band(seed: u64, low_hz: f32, high_hz: f32) -> Vec<f32> {
     let mut noise = white(seed);
     let pole = |hz: f32| 1.0 - (-TAU * hz / RATE as f32).exp();
@@ -184,7 +184,7 @@ fn band(seed: u64, low_hz: f32, high_hz: f32) -> Vec<f32> {
     })
 }
 
-/// In for 1.2 s, out for 1.3 s.
+/// A breath every 3 s: in for 1.2 s, then out for 1.3 s.
 fn breath() -> Vec<f32> {
     let (inward, outward) = (band(5, 400.0, 3_500.0), band(6, 300.0, 2_000.0));
     of(|i| {
@@ -206,7 +206,7 @@ fn fan() -> Vec<f32> {
     wind.iter().zip(&hum).map(|(a, b)| a + b).collect()
 }
 
-/// Voss and McCartney's sum of octaves.
+/// Pink noise as a sum of octaves, after Voss and McCartney.
 fn pink(seed: u64) -> Vec<f32> {
     let mut noise = white(seed);
     let mut octaves = [0.0; 14];

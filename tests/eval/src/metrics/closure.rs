@@ -1,27 +1,28 @@
-//! Lip closure: whether and when the lips meet where a plosive or an m asks for it.
+//! Lip closure: whether and when the lips meet where a plosive or an m requires it.
 
 use super::{lag::parabola, quantile};
 
-/// "Open" is this quantile of the clip's gap.
+/// The mouth counts as open at this quantile of the clip's gap.
 const OPEN: f64 = 0.95;
-/// The gap's minimum is looked for this far outside the window, seconds.
+/// How far outside the window to search for the gap's minimum, seconds.
 const SEARCH_S: f64 = 0.1;
 
-/// One closure that phonetics asks for.
+/// One closure that a sound of the speech requires.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closure {
     /// Smallest gap within the window, in the gap's unit.
     pub gap: f64,
-    /// The same as a share of the clip's 95 % quantile.
+    /// The smallest gap as a share of the clip's 95 % quantile; 1 where that quantile is 0.
     pub gap_share: f64,
-    /// The gap's minimum, up to 0.1 s outside the window, minus the window's middle, seconds.
+    /// Time of the gap's minimum, searched up to 0.1 s outside the window, minus the window's
+    /// middle, seconds.
     pub offset_s: f64,
 }
 
 /// The closures of a clip.
 ///
-/// `gap`: the inner-lip gap, frame `t` at `t / fps` seconds; `windows`: from and to of each
-/// closure, seconds. Windows without a frame of the clip are left out.
+/// `gap`: the inner-lip gap, frame `t` at `t / fps` seconds; `windows`: start and end of each
+/// closure, seconds. Skips windows that contain no frame of the clip.
 pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
     let open = quantile(gap, OPEN);
     let closures_of_windows = windows.iter().filter_map(|&(from, to)| {
@@ -36,8 +37,8 @@ pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
     closures_of_windows.collect()
 }
 
-/// Time and value of the smallest of the frames from `from` to `to` seconds; the time is that of
-/// the parabola's bottom where the neighbours are higher.
+/// Time and value of the smallest gap in the frames from `from` to `to` seconds. Where neither
+/// neighbouring frame is lower, a parabola through the three gives the time between frames.
 fn minimum(gap: &[f64], fps: f64, from: f64, to: f64) -> Option<(f64, f64)> {
     let first = (from * fps).ceil().max(0.0) as usize;
     let last = ((to * fps).floor().max(-1.0) + 1.0) as usize;
@@ -54,7 +55,7 @@ fn minimum(gap: &[f64], fps: f64, from: f64, to: f64) -> Option<(f64, f64)> {
 mod tests {
     use super::*;
 
-    /// Open by 10, shut for a moment at 1 s, half shut at 2 s.
+    /// A gap of 10 that closes for a moment at 1 s and half closes at 2 s.
     fn gap() -> Vec<f64> {
         (0..75)
             .map(|t| match t {

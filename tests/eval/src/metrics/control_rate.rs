@@ -1,15 +1,15 @@
-//! Whether the face does what it is told, when it is told.
+//! Whether the face follows a control within the time slot set for it.
 
 use std::ops::Range;
 
-/// Frames beside a slot that it is compared with (Cafe-Talk §4.2.1: 0.2 s at 25 fps).
+/// Frames on either side of a slot to compare it with (Cafe-Talk §4.2.1: 0.2 s at 25 fps).
 const NEIGHBOURS: usize = 5;
 
-/// Control rate of one unit: its largest value within the slot over its mean in the five frames before and
-/// the five behind it (Cafe-Talk eq. 7, Chen et al. 2025).
+/// Control rate of one unit: its largest value within the slot minus its mean over the five frames
+/// before and the five frames after (Cafe-Talk eq. 7, Chen et al. 2025).
 ///
-/// `values`: the unit's weight in every frame; `slot`: frames, the last one behind it. `None` for a slot without
-/// a frame of the clip or without a neighbour.
+/// `values`: the unit's weight in every frame; `slot`: a range of frames, its end excluded. `None`
+/// if the slot contains no frame of the clip or has no neighbouring frame.
 pub fn control_rate(values: &[f64], slot: &Range<usize>) -> Option<f64> {
     let inside = values.get(slot.start..slot.end.min(values.len()))?;
     let most = inside.iter().copied().reduce(f64::max)?;
@@ -19,9 +19,10 @@ pub fn control_rate(values: &[f64], slot: &Range<usize>) -> Option<f64> {
     (count > 0).then(|| most - sum / count as f64)
 }
 
-/// What a slot adds to its neighbours as a share of what it adds within: mean sizes of `with − without`.
+/// How much a slot changes the frames around it as a share of how much it changes its own frames.
+/// Both are means of `|with − without|`.
 ///
-/// `None` as for [`control_rate`], and where the slot adds nothing.
+/// `None` as for [`control_rate`], and if the slot changes nothing in its own frames.
 pub fn control_leak(with: &[f64], without: &[f64], slot: &Range<usize>) -> Option<f64> {
     let count = with.len().min(without.len());
     let mean = |frames: &mut dyn Iterator<Item = usize>| {
@@ -45,7 +46,7 @@ fn beside(count: usize, slot: &Range<usize>) -> impl Iterator<Item = usize> + Cl
 mod tests {
     use super::*;
 
-    /// 0.1 before frame 10, a peak of 0.9 within 10 to 15, 0.3 behind it.
+    /// 0.1 before frame 10, a peak of 0.9 within frames 10 to 15, 0.3 after them.
     fn peak() -> Vec<f64> {
         let value = |t: usize| match t {
             0..10 => 0.1,

@@ -2,7 +2,7 @@
 
 /// Pearson's r of two curves of the same length, −1 to 1; 0 where either is constant.
 ///
-/// The shorter length counts where they differ.
+/// Of curves of different lengths, only the frames up to the shorter length count.
 pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
     let count = a.len().min(b.len());
     if count == 0 {
@@ -18,7 +18,7 @@ pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
         bb += y * y;
         ab += x * y;
     }
-    // A constant that went through arithmetic is constant but for rounding.
+    // Arithmetic leaves rounding errors in a constant curve: ignore them.
     let moves = |power: f64, mean: f64| power > count as f64 * (1e-9 * mean).powi(2);
     match moves(aa, mean_a) && moves(bb, mean_b) {
         true => ab / (aa * bb).sqrt(),

@@ -1,4 +1,4 @@
-//! δCd, difference of the direction of motion between consecutive frames.
+//! δCd, the difference between the directions of motion from frame to frame.
 
 use super::{Clip, check};
 use anyface::Result;
@@ -6,7 +6,7 @@ use anyface::Result;
 /// Product of lengths below which a direction is undefined.
 const SMALLEST: f64 = 1e-24;
 
-/// `mean_{t, v} (1 − cos(ΔP, ΔG))`, 0 to 2; what does not move counts as at right angles, 1.
+/// `mean_{t, v} (1 − cos(ΔP, ΔG))`, 0 to 2; a vertex that does not move counts as 1, a right angle.
 ///
 /// # Errors
 /// `ShapeMismatch` unless both are the same `[T, V, 3]` with at least two frames.

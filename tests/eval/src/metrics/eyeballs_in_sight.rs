@@ -1,4 +1,4 @@
-//! How much of the eyeballs is seen from the front.
+//! How much of the eyeballs is visible from the front.
 
 use anyface::mesh::FrontView;
 
@@ -6,19 +6,20 @@ use anyface::mesh::FrontView;
 const SKIN: u8 = 1;
 const EYEBALL: u8 = 2;
 
-/// Of all eyeballs together, in the square of the mesh's unit.
+/// Visible areas of all eyeballs together, in the square of the mesh's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeballsInSight {
-    /// What is seen.
+    /// Visible area of the eyeballs.
     pub area: f64,
-    /// What of it is seen beside the largest opening of its column: through a lid.
+    /// The part of `area` that shows through a lid: outside the longest visible run of its column.
     pub through_lids: f64,
 }
 
 /// Looks at a posed head along −z through square cells of side `cell`.
 ///
-/// `positions`: `[V]`, +y up and +z out of the face; `skin`, `eyeballs`: triangles. Anything else, such as
-/// lashes or a film of tears, hides nothing. Each eyeball's columns are those of one half of the face.
+/// `positions`: `[V]`, +y up and +z out of the face; `skin`, `eyeballs`: triangles. Anything else,
+/// such as lashes or a film of tears, hides nothing. A column is vertical and takes in only one
+/// eyeball, as the eyeballs lie in different halves of the face.
 pub fn eyeballs_in_sight(
     positions: &[[f32; 3]],
     skin: &[[u32; 3]],
@@ -64,7 +65,7 @@ pub fn eyeballs_in_sight(
 mod tests {
     use super::*;
 
-    /// A square of side 2 about (x, y) at a depth.
+    /// A square of side 2 around (x, y) at a depth.
     fn square(points: &mut Vec<[f32; 3]>, centre: [f32; 3], half: [f32; 2]) -> [[u32; 3]; 2] {
         let first = points.len() as u32;
         for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
@@ -79,7 +80,7 @@ mod tests {
         let eye = square(&mut points, [0.0; 3], [1.0, 1.0]);
         let open = eyeballs_in_sight(&points, &[], &eye, 0.01);
         assert!((open.area - 4.0).abs() < 0.05 && open.through_lids == 0.0);
-        // A band across leaves 0.3 below and 1.2 above it.
+        // A band across the eyeball leaves 0.3 visible below it and 1.2 above it.
         let lid = square(&mut points, [0.0, -0.45, 1.0], [2.0, 0.25]);
         let visible = eyeballs_in_sight(&points, &lid, &eye, 0.01);
         assert!((visible.area - 3.0).abs() < 0.05, "{visible:?}");

@@ -3,8 +3,10 @@
 use super::{Clip, check};
 use anyface::Result;
 
-/// FDD over `upper`, signed: how much less (positive) or more (negative) the upper face moves than in truth,
-/// `mean_v std_t(‖G‖²) − mean_v std_t(‖P‖²)`. Both clips are displacements from the neutral face. Population deviation.
+/// Signed FDD over `upper`, `mean_v std_t(‖G‖²) − mean_v std_t(‖P‖²)`.
+///
+/// Positive where the upper face moves less than in truth, negative where it moves more. Both clips
+/// hold displacements from the neutral face. The standard deviation is that of a population.
 ///
 /// # Errors
 /// `ShapeMismatch` unless both are the same `[T, V, 3]`; `InvalidInput` for a vertex beyond `V`.

@@ -1,15 +1,16 @@
-//! By how much a curve comes late, finer than a frame.
+//! The delay of one curve against another, finer than a frame.
 
 use super::Moments;
 
-/// Correlations of a prediction with the truth at delays of −`most` to `most` frames, in pieces.
+/// Correlations of a prediction with the truth at delays of −`most` to `most` frames, summed over
+/// clips.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LagCurve {
     at: Vec<Moments>,
 }
 
 impl LagCurve {
-    /// Of one clip; delays shift within the clip, so clips do not run into each other.
+    /// Correlates one clip. Delays shift the curves within the clip, so clips never mix.
     pub fn of(prediction: &[f64], truth: &[f64], most: usize) -> Self {
         let count = prediction.len().min(truth.len());
         let reach = most as isize;
@@ -26,7 +27,7 @@ impl LagCurve {
         }
     }
 
-    /// Takes another clip in; both have the same reach.
+    /// Adds another clip, which must have the same `most`.
     pub fn add(&mut self, other: &LagCurve) {
         self.at.resize(other.at.len(), Moments::default());
         for (sum, more) in self.at.iter_mut().zip(&other.at) {
@@ -34,13 +35,15 @@ impl LagCurve {
         }
     }
 
-    /// The delay in frames at which the correlation is best, and that correlation; positive: the
-    /// prediction is late. Between frames it is the top of the parabola through the best frame and
-    /// its neighbours; at the end of the reach it is a whole number.
+    /// The delay in frames at which the correlation is best, and that correlation.
+    ///
+    /// A positive delay means that the prediction is late. A parabola through the best frame and
+    /// its neighbours gives the delay between frames; at either end of the range it is a whole
+    /// number.
     pub fn best(&self) -> (f64, f64) {
         let r: Vec<f64> = self.at.iter().map(Moments::r).collect();
         let middle = r.len() / 2;
-        // No delay wins a tie.
+        // On a tie, a delay of zero wins.
         let best = (0..r.len()).fold(middle, |best, k| if r[k] > r[best] { k } else { best });
         let Some(&top) = r.get(best) else {
             return (0.0, 0.0);
@@ -54,8 +57,8 @@ impl LagCurve {
     }
 }
 
-/// Place, −½ to ½, and height of the extremum of the parabola through three values at −1, 0 and 1
-/// of which the middle one is the extreme.
+/// Place, −½ to ½, and height of the extremum of the parabola through three values at −1, 0 and 1.
+/// The middle value must be the largest or smallest of the three.
 pub(super) fn parabola([before, here, after]: [f64; 3]) -> (f64, f64) {
     let bend = before - 2.0 * here + after;
     match bend.abs() > 1e-12 {

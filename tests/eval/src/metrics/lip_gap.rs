@@ -3,10 +3,10 @@
 use super::Clip;
 use anyface::{Error, Result, mesh::ibug::LANDMARKS};
 
-/// Middle of the inner upper lip and of the inner lower lip, iBUG-68.
+/// The middle landmarks of the inner upper and the inner lower lip, iBUG-68.
 const MIDDLES: [usize; 2] = [62, 66];
 
-/// Distance of landmarks 62 and 66 at every frame, in the clip's unit.
+/// Distance between landmarks 62 and 66 in every frame, in the clip's unit.
 ///
 /// `landmarks`: `[T, 68, 3]` positions; add the neutral face to displacements first.
 ///
@@ -16,7 +16,7 @@ pub fn lip_gap(landmarks: Clip<'_>) -> Result<Vec<f64>> {
     distances(landmarks, MIDDLES)
 }
 
-/// Distance of two landmarks at every frame of `[T, 68, 3]`.
+/// Distance between two landmarks in every frame of `[T, 68, 3]`.
 pub(super) fn distances(landmarks: Clip<'_>, [a, b]: [usize; 2]) -> Result<Vec<f64>> {
     let (frames, count, axes) = landmarks.dim();
     if (count, axes) != (LANDMARKS, 3) {

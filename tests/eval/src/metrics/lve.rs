@@ -5,8 +5,8 @@ use anyface::Result;
 
 /// `mean_t max_{v ∈ lips} ‖P − G‖²`.
 ///
-/// The square root of the result is in the clip's own unit and is what a reader can picture;
-/// "×1e-5 mm" in the literature is this squared distance in m².
+/// The square root of the result is in the clip's own unit and is easier to picture. Where the
+/// literature writes "×1e-5 mm", it means this squared distance in m².
 ///
 /// # Errors
 /// `ShapeMismatch` unless both are the same `[T, V, 3]`; `InvalidInput` for a vertex beyond `V`.

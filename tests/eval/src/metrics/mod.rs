@@ -1,4 +1,4 @@
-//! How far a performance is from the truth: one file per metric, named as in its paper.
+//! How far an animation is from the truth: one file per metric, named as in its paper.
 //!
 //! Metrics see arrays and units, never a model. All take clips `[T, V, 3]` in the caller's unit;
 //! displacements and positions give the same numbers, because the neutral face cancels. They work
@@ -45,8 +45,8 @@ use anyface::{Error, Result};
 /// A clip of vertices or landmarks, `[T, V, 3]`.
 pub type Clip<'a> = ArrayView3<'a, f64>;
 
-/// Both clips must have the same shape, at least `frames` frames, and hold every vertex of
-/// `region`.
+/// Checks that both clips have the same shape and at least `frames` frames, and contain every
+/// vertex of `region`.
 fn check(prediction: Clip<'_>, truth: Clip<'_>, region: &[usize], frames: usize) -> Result<()> {
     let (count, vertices, axes) = truth.dim();
     if prediction.dim() != truth.dim() || axes != 3 || count < frames {
@@ -64,7 +64,7 @@ fn check(prediction: Clip<'_>, truth: Clip<'_>, region: &[usize], frames: usize)
     }
 }
 
-/// Squared distance of vertex `v` in frame `t` of both clips.
+/// Squared distance between vertex `v` of clip `a` and that of clip `b` in frame `t`.
 fn squared_distance(a: Clip<'_>, b: Clip<'_>, t: usize, v: usize) -> f64 {
     (0..3).map(|i| (a[[t, v, i]] - b[[t, v, i]]).powi(2)).sum()
 }

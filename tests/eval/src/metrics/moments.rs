@@ -1,6 +1,6 @@
-//! Correlation of two curves that come in pieces.
+//! Correlation of two curves, added up piece by piece.
 
-/// Sums over pairs of values; those of several clips add up to those of all of them together.
+/// Sums over pairs of values. The sums of several clips add up to the sums of all clips together.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Moments {
     /// Number of pairs.
@@ -11,7 +11,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Of two curves; the shorter length counts.
+    /// Sums over two curves, up to the length of the shorter one.
     pub fn of(a: &[f64], b: &[f64]) -> Self {
         let mut out = Self::default();
         for (x, y) in a.iter().zip(b) {
@@ -25,7 +25,7 @@ impl Moments {
         out
     }
 
-    /// Takes another piece in.
+    /// Adds the sums of another piece.
     pub fn add(&mut self, other: &Moments) {
         self.count += other.count;
         self.product += other.product;
@@ -35,12 +35,12 @@ impl Moments {
         }
     }
 
-    /// Sum of squared differences from the mean, of both curves.
+    /// Sum of squared differences from the mean for each of the two curves.
     pub fn scatter(&self) -> [f64; 2] {
         [0, 1].map(|k| {
             let mean = self.sum[k] / self.count.max(1.0);
             let scatter = self.square[k] - self.sum[k] * mean;
-            // A constant that went through arithmetic is constant but for rounding.
+            // Arithmetic leaves rounding errors in a constant curve: ignore them.
             match scatter > 1e-11 * self.square[k] {
                 true => scatter,
                 false => 0.0,
@@ -50,7 +50,8 @@ impl Moments {
 
     /// Sum of products of both curves' differences from their means; 0 where either is constant.
     ///
-    /// Over the second curve's scatter it is the least-squares slope of the first over the second.
+    /// Divided by the second curve's scatter, it is the least-squares slope of the first curve over
+    /// the second.
     pub fn joint_scatter(&self) -> f64 {
         let [a, b] = self.scatter();
         match a > 0.0 && b > 0.0 {

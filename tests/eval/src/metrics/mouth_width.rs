@@ -3,10 +3,10 @@
 use super::{Clip, lip_gap::distances};
 use anyface::Result;
 
-/// The outer corners, iBUG-68.
+/// The outer corners of the mouth, iBUG-68.
 const CORNERS: [usize; 2] = [48, 54];
 
-/// Distance of landmarks 48 and 54 at every frame, in the clip's unit.
+/// Distance between landmarks 48 and 54 in every frame, in the clip's unit.
 ///
 /// `landmarks`: `[T, 68, 3]` positions; add the neutral face to displacements first.
 ///

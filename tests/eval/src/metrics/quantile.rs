@@ -1,7 +1,8 @@
-//! Quantiles, as numpy counts them.
+//! Quantiles as numpy computes them by default.
 
-/// The value below which a share `q` of `values` lies, 0 to 1: linear between order statistics.
-/// NaN without values.
+/// The value below which a share `q`, 0 to 1, of `values` lies.
+///
+/// Interpolates linearly between the sorted values. NaN without values.
 pub fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

@@ -3,8 +3,8 @@
 use super::{Clip, check};
 use anyface::Result;
 
-/// `mean_{t, v ∈ region} √(Σ_i var_seeds)`: the standard deviation of a landmark's place between
-/// `clips`, as a length in their unit. Sample variance; 0 for fewer than two clips.
+/// `mean_{t, v ∈ region} √(Σ_i var_seeds)`: how much a vertex's position differs between `clips`,
+/// as a standard deviation in their unit. Uses the sample variance; 0 for fewer than two clips.
 ///
 /// # Errors
 /// `ShapeMismatch` unless all are the same `[T, V, 3]`; `InvalidInput` for a vertex beyond `V`.
@@ -44,7 +44,7 @@ mod tests {
             moved[[t, 1, 2]] = 4.0;
         }
         let pair = [still.view(), moved.view()];
-        // The deviation of two values is their distance over √2.
+        // The standard deviation of two values is their distance divided by √2.
         let expected = 5.0 / 2f64.sqrt();
         assert!((seed_deviation(&pair, &[1]).unwrap() - expected).abs() < 1e-12);
         assert_eq!(seed_deviation(&pair, &[0]).unwrap(), 0.0);

@@ -1,11 +1,11 @@
-//! How fast a curve moves: its power over frequency.
+//! How fast a curve moves: its power at each frequency.
 
 use std::f64::consts::{PI, TAU};
 
 /// One-sided power density, averaged over segments (Welch 1967).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Spectrum {
-    /// Distance of two bins, Hz.
+    /// Distance between neighbouring bins, Hz.
     pub step_hz: f64,
     /// `[bins]`, the curve's unit squared per Hz, summed over segments.
     sums: Vec<f64>,
@@ -13,8 +13,10 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// Of a curve at `fps`, in segments of `length` values that overlap by half, each freed of its
-    /// mean under a Hann window; a shorter curve is one segment, padded with zeros.
+    /// The spectrum of a curve at `fps`, in segments of `length` values that overlap by half.
+    ///
+    /// Each segment loses its mean and gets a Hann window. A curve shorter than `length` is one
+    /// segment, padded with zeros.
     pub fn of(curve: &[f64], fps: f64, length: usize) -> Self {
         let mut out = Spectrum {
             step_hz: fps / length as f64,
@@ -55,7 +57,7 @@ impl Spectrum {
         self.segments += 1.0;
     }
 
-    /// Takes another curve in; both have the same bins.
+    /// Adds another curve's spectrum, which must have the same bins.
     pub fn add(&mut self, other: &Spectrum) {
         self.step_hz = other.step_hz;
         self.sums.resize(other.sums.len(), 0.0);
@@ -71,7 +73,7 @@ impl Spectrum {
         self.sums.iter().map(mean).collect()
     }
 
-    /// Power from `low` up to, but without, `high` Hz, the curve's unit squared.
+    /// Power from `low` up to but not including `high` Hz, the curve's unit squared.
     pub fn band(&self, low: f64, high: f64) -> f64 {
         let bins = self.density().into_iter().enumerate();
         let inside = bins.filter(|(bin, _)| (low..high).contains(&(*bin as f64 * self.step_hz)));

@@ -2,14 +2,14 @@
 
 use super::Clip;
 
-/// Root of the mean squared speed of `region` from each frame to the next, `[T − 1]`, the clip's
-/// unit per second.
+/// Root mean square speed of `region` from each frame to the next, `[T − 1]`, in the clip's unit
+/// per second.
 pub fn rms_speeds(clip: Clip<'_>, region: &[usize], fps: f64) -> Vec<f64> {
     derivative(clip, region, &[-fps, fps])
 }
 
-/// Root of the mean squared acceleration of `region` around every inner frame, `[T − 2]`, the
-/// clip's unit per second squared; value `t` belongs to frame `t + 1`.
+/// Root mean square acceleration of `region` around every inner frame, `[T − 2]`, in the clip's
+/// unit per second squared. Value `t` belongs to frame `t + 1`.
 pub fn rms_accelerations(clip: Clip<'_>, region: &[usize], fps: f64) -> Vec<f64> {
     let square = fps * fps;
     derivative(clip, region, &[square, -2.0 * square, square])

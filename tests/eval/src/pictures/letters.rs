@@ -1,11 +1,11 @@
-//! Words on pixel pictures.
+//! Writes text on pixel pictures.
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::raster::Picture;
 
 const HEIGHT: RasterHeight = RasterHeight::Size16;
-/// Height of a line, pixels.
+/// Height of a line of text, pixels.
 pub(super) const LINE: usize = 16;
 
 /// Width of a text, pixels.
@@ -13,8 +13,8 @@ pub(super) fn width(text: &str) -> usize {
     text.chars().count() * get_raster_width(FontWeight::Regular, HEIGHT)
 }
 
-/// Writes dark letters with their upper left corner at (`left`, `top`); what lies outside the
-/// picture or the basic Latin letters is left out.
+/// Writes dark text with its upper left corner at (`left`, `top`). Skips pixels outside the picture
+/// and letters outside basic Latin.
 pub(super) fn write(picture: &mut Picture, text: &str, left: usize, top: usize) {
     let step = get_raster_width(FontWeight::Regular, HEIGHT);
     for (k, letter) in text.chars().enumerate() {

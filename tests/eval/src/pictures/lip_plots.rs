@@ -9,11 +9,11 @@ use anyface::{
     audio::{SAMPLE_RATE_HZ, Waveform},
 };
 
-/// Longest stretch of a clip that is shown, seconds.
+/// Longest part of a clip to show, seconds.
 const SHOWN_S: f64 = 8.0;
 const PANEL: (u32, u32) = (860, 170);
 const SMALL: (u32, u32) = (560, 300);
-/// Points of a sound's outline.
+/// Points along a sound's outline.
 const OUTLINE: usize = 400;
 const BIN_MM: f64 = 0.5;
 
@@ -22,13 +22,13 @@ pub(crate) struct Track<'a> {
     pub title: String,
     pub waveform: &'a Waveform,
     pub fps: f64,
-    /// Millimetres.
+    /// The recorded lip gap, millimetres; `model` likewise.
     pub recorded: Vec<f64>,
     pub model: Vec<f64>,
 }
 
 impl Album {
-    /// Gap over time above the sound, a panel for each clip.
+    /// Draws the lip gap over time on top of the sound, one panel for each clip.
     pub(crate) fn gap_tracks(&self, name: &str, tracks: &[Track<'_>]) -> Result<String> {
         let size = (PANEL.0, PANEL.1 * tracks.len().max(1) as u32 + 30);
         self.plot(name, size, |canvas| {
@@ -45,7 +45,7 @@ impl Album {
         })
     }
 
-    /// Share of frames in bins of half a millimetre.
+    /// Draws the share of frames in lip gap bins of half a millimetre.
     pub(crate) fn gap_histogram(&self, name: &str, curves: &[(&str, Vec<f64>)]) -> Result<String> {
         let all: Vec<f64> = curves.iter().flat_map(|(_, gaps)| gaps).copied().collect();
         let most = quantile(&all, 0.999).max(BIN_MM);
@@ -68,7 +68,7 @@ impl Album {
         self.lines(name, axes, &lines.collect::<Vec<_>>())
     }
 
-    /// Power density in decibels above 1 mm²/Hz.
+    /// Draws power densities in decibels relative to 1 mm²/Hz.
     pub(crate) fn spectra(&self, name: &str, curves: &[(&str, Spectrum)]) -> Result<String> {
         let lines = curves.iter().map(|(name, spectrum)| {
             let density = spectrum.density();
@@ -176,7 +176,7 @@ fn gap_panel(panel: &Canvas<'_>, track: &Track<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The sound's amplitude around the panel's middle, as a closed outline.
+/// The sound's amplitude above and below the panel's middle, as a closed outline.
 fn outline(waveform: &Waveform, seconds: f64, most: f64) -> Vec<(f64, f64)> {
     let count = ((seconds * f64::from(SAMPLE_RATE_HZ)) as usize).min(waveform.samples.len());
     let samples = &waveform.samples[..count];

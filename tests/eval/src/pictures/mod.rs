@@ -1,4 +1,4 @@
-//! Pictures of a report: plots as SVG, contact sheets as PNG.
+//! Pictures for a report: plots as SVG, contact sheets as PNG.
 
 mod letters;
 pub(super) mod lip_plots;
@@ -28,13 +28,13 @@ pub(super) const FONT: &str = "sans-serif";
 
 pub(super) type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Where the pictures go.
+/// The folder for the pictures.
 pub(super) struct Album {
     folder: PathBuf,
 }
 
 impl Album {
-    /// Makes the folder where it is missing.
+    /// Creates the folder if it does not exist.
     pub(super) fn new(folder: PathBuf) -> Result<Self> {
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
         Ok(Album { folder })

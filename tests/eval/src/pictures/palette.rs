@@ -1,11 +1,11 @@
-//! PNG with at most 256 colours, a third of the size of full colour.
+//! Writes PNG files with at most 256 colours, a third of the size of full colour.
 
 use std::{collections::HashMap, fmt::Debug};
 
 use super::raster::Picture;
 use anyface::{Error, Result};
 
-/// Low bits of a channel that are rounded away before colours are counted.
+/// Low bits of a channel to clear before counting colours.
 const ROUNDED: u8 = 3;
 
 /// The picture as a PNG file.
@@ -53,7 +53,7 @@ fn nearest(palette: &[[u8; 3]], colour: [u8; 3]) -> u8 {
     closest.map_or(0, |(number, _)| number as u8)
 }
 
-/// What went wrong in a drawing.
+/// Turns the error of a drawing library into an `Error`.
 pub(crate) fn drawing(error: impl Debug) -> Error {
     Error::Numerics(format!("drawing: {error:?}"))
 }

@@ -1,8 +1,8 @@
-//! A small shaded z-buffer, enough to look at faces.
+//! A small renderer with shading and a z-buffer, good enough to look at faces.
 
-/// Samples of a pixel on a side.
+/// Samples along each side of a pixel.
 const FINE: usize = 2;
-/// Directions towards the lights, and their strengths; the rest comes from everywhere.
+/// Directions towards the lights, and their strengths. `AMBIENT` light comes from all directions.
 const LIGHTS: [([f32; 3], f32); 2] = [([-0.42, 0.46, 0.78], 0.62), ([0.74, 0.05, 0.67], 0.16)];
 const AMBIENT: f32 = 0.26;
 
@@ -23,7 +23,7 @@ impl Picture {
         }
     }
 
-    /// Takes a share of the light of a pixel; outside the picture nothing happens.
+    /// Blends a pixel towards dark grey by `share`. Does nothing outside the picture.
     pub(crate) fn darken(&mut self, x: usize, y: usize, share: f32) {
         if x < self.width && y < self.height {
             let pixel = &mut self.pixels[y * self.width + x];
@@ -31,7 +31,7 @@ impl Picture {
         }
     }
 
-    /// Copies `other` in with its upper left corner at (`left`, `top`).
+    /// Copies `other` into the picture with its upper left corner at (`left`, `top`).
     pub(crate) fn place(&mut self, other: &Picture, left: usize, top: usize) {
         for y in 0..other.height.min(self.height.saturating_sub(top)) {
             for x in 0..other.width.min(self.width.saturating_sub(left)) {
@@ -63,7 +63,7 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// The scene on white, seen without perspective.
+    /// Draws the scene on white, without perspective.
     pub(crate) fn draw(&self, width: usize, height: usize) -> Picture {
         let mut fine = Canvas {
             picture: Picture::white(FINE * width, FINE * height),
@@ -87,7 +87,7 @@ impl Scene<'_> {
     }
 }
 
-/// Light on a surface, whichever side is seen.
+/// Brightness of a surface, the same for both of its sides.
 fn brightness(normal: [f32; 3]) -> f32 {
     let side = if normal[2] < 0.0 { -1.0 } else { 1.0 };
     let lit = LIGHTS.iter().map(|(towards, strength)| {
@@ -103,7 +103,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// `at`: column, row and z of the corners; `light` at the corners.
+    /// `at`: column, row and z of the corners; `light`: brightness at the corners.
     fn triangle(&mut self, [a, b, c]: [[f32; 3]; 3], light: [f32; 3], colour: [f32; 3]) {
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if area.abs() < 1e-9 {
@@ -131,7 +131,7 @@ impl Canvas {
     }
 }
 
-/// The mean of every block of samples.
+/// Averages the samples of every pixel.
 fn shrunk(fine: &Picture) -> Picture {
     let mut out = Picture::white(fine.width / FINE, fine.height / FINE);
     for y in 0..out.height {

@@ -20,7 +20,7 @@ use anyface::{
 const CELL: (usize, usize) = (112, 132);
 const NAMES: usize = 104;
 const GAP: usize = 3;
-/// The head turns this far, so that lips stand out, radians.
+/// Yaw of the head, so that protruding lips show, radians.
 const YAW: f32 = 0.30;
 /// Half of the picture's height, in distances from chin to brows.
 const HALF_HEIGHT: f32 = 0.66;
@@ -76,7 +76,7 @@ impl Head {
         })
     }
 
-    /// A picture for each frame of `[T, 68, 3]` canonical metres.
+    /// A picture for each frame of landmark motion, `[T, 68, 3]` canonical metres.
     fn frames(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Vec<Picture>> {
         let motion = LandmarkClip {
             displacements: motion.mapv(|x| x as f32),
@@ -102,7 +102,7 @@ impl Head {
 }
 
 impl Album {
-    /// Rows of frames with their titles at the left and `columns` above.
+    /// Draws rows of frames, with the row titles on the left and the titles in `columns` above.
     pub(crate) fn sheet(
         &self,
         name: &str,
@@ -128,13 +128,13 @@ impl Album {
     }
 }
 
-/// Turns a point about the vertical axis.
+/// Rotates a point about the vertical axis by `YAW`.
 fn turned(p: [f32; 3]) -> [f32; 3] {
     let (sin, cos) = YAW.sin_cos();
     [cos * p[0] + sin * p[2], p[1], cos * p[2] - sin * p[0]]
 }
 
-/// Colours by name: `newmtl` and `Kd` lines.
+/// Colours of the materials by name, from `newmtl` and `Kd` lines.
 fn materials(text: &str) -> HashMap<String, [f32; 3]> {
     let mut out = HashMap::new();
     let mut name = String::new();

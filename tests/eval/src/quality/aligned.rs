@@ -1,4 +1,4 @@
-//! Speech with phone times: folders of sound and `phones.jsonl`.
+//! Reads speech with phone times from folders of sound files with a `phones.jsonl`.
 
 use std::{
     collections::HashMap,
@@ -15,7 +15,7 @@ use super::{
 use crate::face_model::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, mesh::ibug::LANDMARKS};
 
-/// Frame rate at which speech without recorded motion is performed.
+/// Frame rate for speech without recorded motion.
 const FPS: f64 = 25.0;
 
 #[derive(Deserialize)]
@@ -36,15 +36,16 @@ struct TimedPhone {
     phone: String,
 }
 
-/// One folder: the phones of its utterances in the file's order.
+/// One folder, with the phones of its utterances in the order of the file.
 struct Folder {
     name: String,
     path: PathBuf,
     utterances: Vec<(String, Vec<Phone>)>,
 }
 
-/// Gives the clips of `corpora` their phones, and adds a corpus for every other folder of
-/// `aligned`, of at most `limit` utterances taken at equal distances.
+/// Adds phones to the clips of `corpora`, and adds a corpus for every other folder in `aligned`.
+///
+/// An added corpus has at most `limit` utterances, spaced evenly over the folder's.
 pub(super) fn attach(
     aligned: &Path,
     corpora: &mut Vec<Corpus>,
@@ -99,7 +100,7 @@ fn read_folder(path: PathBuf) -> Result<Folder> {
     })
 }
 
-/// Identifier and phones, silences included, in order of time.
+/// Reads an utterance's identifier and its phones, including silences, in order of time.
 fn utterance(line: &str) -> std::result::Result<(String, Vec<Phone>), serde_json::Error> {
     let line: Line = serde_json::from_str(line)?;
     let timed = line.words.into_iter().flat_map(|word| word.phones);

@@ -1,4 +1,4 @@
-//! What a model has to beat: a face that stands still, and a jaw that follows loudness.
+//! The baselines that a model has to beat: a still face, and a face that follows loudness.
 
 use ndarray::{Array2, Array3};
 
@@ -9,20 +9,20 @@ use anyface::{
     mesh::ibug::LANDMARKS,
 };
 
-/// Half of the window in which loudness is measured.
+/// Half the length of the window in which loudness is measured, seconds.
 const HALF_WINDOW_S: f64 = 0.04;
 
-/// Both are fitted to the source's own training clips, which makes them as strong as they can be.
+/// Both baselines, fitted to the source's own training clips to make them as strong as possible.
 pub(super) struct Baselines {
     /// `[68, 3]`, mean displacement.
     mean: Array2<f64>,
-    /// `[68, 3]`, displacement to a unit of loudness above its mean.
+    /// `[68, 3]`, displacement per unit of loudness above its mean.
     slope: Array2<f64>,
     mean_loudness: f64,
 }
 
 impl Baselines {
-    /// The mean face, and the line of every coordinate over loudness, by least squares.
+    /// Fits the mean face, and by least squares a line of every coordinate over loudness.
     pub(super) fn fit(clips: &[Clip]) -> Result<Self> {
         let frames: usize = clips.iter().map(Clip::frames).sum();
         if frames == 0 {
@@ -49,7 +49,7 @@ impl Baselines {
         })
     }
 
-    /// The mean face at every frame.
+    /// The mean face in every frame.
     pub(super) fn constant(&self, clip: &Clip) -> Array3<f64> {
         Array3::from_shape_fn(clip.motion.dim(), |(_, n, i)| self.mean[[n, i]])
     }
@@ -67,8 +67,10 @@ fn loudness_of(clip: &Clip) -> Vec<f64> {
     loudness(&clip.waveform, clip.frames(), clip.fps)
 }
 
-/// Square root of the root mean square around every frame, relative to the clip's largest: near to
-/// how loud it sounds (Stevens's law), and free of the recording's level.
+/// Square root of the root mean square around every frame, relative to the clip's largest.
+///
+/// The square root comes close to how loud the sound seems (Stevens's law). Dividing by the largest
+/// value removes the level of the recording.
 fn loudness(waveform: &Waveform, frames: usize, fps: f64) -> Vec<f64> {
     let rate = f64::from(SAMPLE_RATE_HZ);
     let count = waveform.samples.len();

@@ -15,12 +15,12 @@ const TAILS: [f64; 2] = [0.025, 0.975];
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Estimate {
     pub value: f64,
-    /// None where a single record was measured.
+    /// None where there is only one record.
     pub interval: Option<[f64; 2]>,
 }
 
 impl Estimate {
-    /// `0.87 (0.85 to 0.89)`.
+    /// The value and its interval as text: `0.87 (0.85 to 0.89)`.
     pub(super) fn text(&self, digits: usize) -> String {
         match self.interval {
             Some([low, high]) => format!(
@@ -34,19 +34,19 @@ impl Estimate {
     }
 }
 
-/// Median of some values; none without one.
+/// Median of the values; none if there are none.
 pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let values: Vec<f64> = values.collect();
     (!values.is_empty()).then(|| quantile(&values, 0.5))
 }
 
-/// Mean of some values; none without one.
+/// Mean of the values; none if there are none.
 pub(super) fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     let count = values.len();
     (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
 
-/// A number with a true minus sign, and no minus before a rounded zero.
+/// Formats a number with a true minus sign, and without one if it rounds to zero.
 pub(super) fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     match text.strip_prefix('-') {
@@ -56,10 +56,11 @@ pub(super) fn number(value: f64, digits: usize) -> String {
     }
 }
 
-/// `statistic` of all records, and the interval it spans when records are drawn with replacement.
+/// `statistic` of all records, and its interval over resamples drawn with replacement.
 ///
-/// None where the statistic is: without records, or for a quantity that they do not hold. The
-/// draws depend on the number of records alone, so that predictors are compared on the same ones.
+/// None where the statistic is none or not finite: without records, or for a quantity that the
+/// records do not have. The draws depend only on the number of records, so all predictors are
+/// compared on the same resamples.
 pub(super) fn estimate<T>(
     records: &[T],
     statistic: impl Fn(&[&T]) -> Option<f64>,
@@ -99,7 +100,8 @@ mod tests {
         let values: Vec<f64> = (0..400).map(|k| f64::from(k % 20)).collect();
         let result = estimate(&values, mean).unwrap();
         assert!((result.value - 9.5).abs() < 1e-12);
-        // Deviation of 0 to 19: √((20² − 1) / 12) = 5.766; over √400.
+        // The numbers 0 to 19 have a standard deviation of √((20² − 1) / 12) = 5.766. The standard
+        // error divides it by √400.
         let [low, high] = result.interval.unwrap();
         let error = 1.96 * 5.766 / 20.0;
         assert!((low - (9.5 - error)).abs() < 0.1, "{low}");

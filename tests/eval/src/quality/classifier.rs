@@ -4,7 +4,7 @@ use faer::{Mat, Side, prelude::Solve};
 
 use anyface::{Error, Result};
 
-/// Share of the pooled covariance that its mean variance replaces on the diagonal.
+/// Share of the pooled covariance to replace by its mean variance on the diagonal.
 const SHRINKAGE: f64 = 0.1;
 
 /// One linear score for each class.
@@ -16,9 +16,10 @@ pub(super) struct Classifier {
 }
 
 impl Classifier {
-    /// Learns `classes` classes, equally likely, from rows of features with their class.
+    /// Learns to tell `classes` classes apart from rows of features, each with its class.
     ///
-    /// Features are scaled by their own deviation first, so that units do not matter.
+    /// All classes count as equally likely. Features are first divided by their standard deviation
+    /// within classes, so that units do not matter.
     pub(super) fn fit(rows: &[(Vec<f64>, usize)], classes: usize) -> Result<Self> {
         let features = rows.first().map_or(0, |(row, _)| row.len());
         let means = class_means(rows, classes, features)?;
@@ -33,7 +34,7 @@ impl Classifier {
             residual(&rows[k], f) / scale[f]
         });
         let scatter = white.transpose() * &white;
-        // Scaled features have unit variance: the mean variance is 1.
+        // Scaled features have unit variance, so the mean variance is 1.
         let covariance = Mat::from_fn(features, features, |a, b| {
             let ridge = if a == b { SHRINKAGE } else { 0.0 };
             (1.0 - SHRINKAGE) * scatter[(a, b)] / rows.len() as f64 + ridge
@@ -54,7 +55,7 @@ impl Classifier {
         })
     }
 
-    /// The class of the largest score.
+    /// The class with the largest score.
     pub(super) fn classify(&self, row: &[f64]) -> usize {
         let score = |c: &usize| dot(&self.weights[*c], row) + self.offsets[*c];
         (0..self.weights.len())
@@ -99,7 +100,7 @@ mod tests {
         rand_core::{RngCore, SeedableRng},
     };
 
-    /// Three classes apart along one direction by `apart`, under strong noise along another.
+    /// Three classes spaced by `apart` along one direction, with strong noise along another.
     fn examples(seed: u64, apart: f64) -> Vec<(Vec<f64>, usize)> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut unit = || (random.next_u32() as f64 / 2f64.powi(32)) - 0.5;

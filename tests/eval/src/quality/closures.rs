@@ -12,11 +12,11 @@ use super::{
 use crate::metrics::{self, Closure, closures};
 use anyface::Result;
 
-/// Lips this near to how they lie at rest are closed, millimetres.
+/// The lips count as closed if their gap exceeds the gap at rest by at most this, millimetres.
 pub(super) const CLOSED_MM: f64 = 0.5;
-/// A gap below this share of the clip's 95 % quantile is shut.
+/// The lips count as shut if their gap is below this share of the clip's 95 % quantile.
 pub(super) const SHUT: f64 = 0.15;
-/// The lips begin to close before the phone by half of what comes before it, within these limits,
+/// The lips begin to close halfway through the phone or pause before. Least and greatest lead,
 /// seconds.
 const LEAD_S: (f64, f64) = (0.04, 0.12);
 const MS: f64 = 1000.0;
@@ -29,30 +29,32 @@ pub(super) struct SourceClosures {
     pub rows: Vec<Row>,
 }
 
-/// What one clip holds.
+/// The measurements of one clip.
 struct Record {
     closures: Vec<Closure>,
-    /// The neutral face's own gap, mm.
+    /// Lip gap of the neutral face, mm.
     rest_mm: f64,
     frames: f64,
     frames_closed: f64,
 }
 
 impl Record {
-    /// Smallest gaps of the closures above rest, mm.
+    /// The smallest gap of each closure minus the gap at rest, mm.
     fn gaps_mm(&self) -> impl Iterator<Item = f64> {
         self.closures.iter().map(|c| c.gap - self.rest_mm)
     }
 }
 
-/// From and to of the closures that the phones of a clip ask for, seconds: from half of the phone
-/// or pause before, 40 to 120 ms, to the phone's end.
+/// Start and end of each closure that the phones of a clip require, seconds.
+///
+/// A window starts before the phone by half of the preceding phone or pause, but at least 40 and at
+/// most 120 ms. It ends with the phone.
 pub(super) fn windows(phones: &[Phone]) -> Vec<(f64, f64)> {
     let mut spans = Vec::new();
     for (k, phone) in phones.iter().enumerate() {
         if phone.closes_the_lips() {
             let before_s = match k.checked_sub(1) {
-                // A gap between phones is a pause of its own.
+                // A gap between two phones is a pause.
                 Some(j) if phones[j].to_s < phone.from_s - 1e-3 => phone.from_s - phones[j].to_s,
                 Some(j) => phone.from_s - phones[j].from_s,
                 None => 0.0,
@@ -64,7 +66,7 @@ pub(super) fn windows(phones: &[Phone]) -> Vec<(f64, f64)> {
     spans
 }
 
-/// One table for every source that has phone times.
+/// Measures one table for every source that has phone times.
 pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SourceClosures>> {
     let mut out = Vec::new();
     for source in performed {
@@ -84,7 +86,7 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SourceClosures>> {
     Ok(out)
 }
 
-/// The closures of one predictor over clips; clips without phones are passed over.
+/// Scores the closures of one predictor over clips. Skips clips without phones.
 pub(super) fn score<'a>(
     name: &str,
     pairs: impl Iterator<Item = (&'a Clip, metrics::Clip<'a>)>,

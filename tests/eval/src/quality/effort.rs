@@ -1,6 +1,8 @@
-//! Whether effort in the voice moves the mouth: the same actor says the same sentence with different
-//! emotions (Berlin Database of Emotional Speech, Burkhardt et al. 2005, CC0), and one recording is
-//! made into a whisper and a shout.
+//! Whether the mouth opens wider when the voice makes more effort.
+//!
+//! Compares the same actor saying the same sentence with different emotions (Berlin Database of
+//! Emotional Speech, Burkhardt et al. 2005, CC0), and a whisper and a shout made from one
+//! recording.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -14,10 +16,10 @@ use super::{
 use crate::metrics::quantile;
 use anyface::{Error, Result, audio::Waveform};
 
-/// The effortful emotion, and those it is held against.
+/// The loud emotion, and the softer ones to compare it with.
 const LOUD: &str = "anger";
 const SOFT: [&str; 3] = ["sadness", "boredom", "neutral"];
-/// Most recordings that are turned into a whisper and a shout.
+/// The most recordings to turn into a whisper and a shout.
 const SYNTHETIC_PAIRS: usize = 16;
 const FPS: f64 = 25.0;
 const CHIN: usize = 8;
@@ -32,8 +34,9 @@ struct Recording {
     key: (String, String),
 }
 
-/// The model hears nothing but the voice: its emotion stays neutral. `spoken` is what is whispered
-/// and shouted; `limit`: actors and sentences.
+/// Measures both comparisons. The emotion setting stays neutral, so only the voice differs.
+///
+/// `spoken`: clips to turn into whispers and shouts; `limit`: the most pairs of actor and sentence.
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
@@ -91,7 +94,7 @@ fn score_acted(
     Ok(rows.into())
 }
 
-/// 95 % quantile of how far the chin falls, millimetres.
+/// 95 % quantile of how far the chin drops, millimetres.
 fn fall_mm(speaker: &Speaker, wish: &Wish, sound: &Waveform) -> Result<f64> {
     let motion = speaker.perform(sound, FPS, wish)?;
     let falls: Vec<f64> = motion
@@ -125,7 +128,7 @@ fn by_actor_and_sentence(recordings: Vec<Recording>) -> BTreeMap<(String, String
     out
 }
 
-/// Columns are found by their titles.
+/// Reads `clips.tsv`, finding the columns by their titles.
 fn read(path: &Path) -> Result<Vec<Recording>> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let mut lines = text

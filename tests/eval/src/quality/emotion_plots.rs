@@ -1,4 +1,4 @@
-//! Plots of emotion: the confusion of categories and the curves of intensity.
+//! Plots of emotion: the confusion matrix of the categories and the curves of intensity.
 
 use plotters::{
     prelude::*,
@@ -18,7 +18,8 @@ const PANEL: (u32, u32) = (176, 150);
 const PANELS_IN_A_ROW: usize = 5;
 
 impl Album {
-    /// Rows: what was performed, over all heads; columns: what was read; the darker, the more.
+    /// Draws the confusion matrix over all heads. Rows: the performed emotion; columns: the emotion
+    /// that was read; the darker a cell, the larger its share.
     pub(super) fn confusion(&self, name: &str, reading: &Reading) -> Result<String> {
         let (rows, columns) = (
             reading.answers.len() as i32 - 1,
@@ -45,7 +46,7 @@ impl Album {
         })
     }
 
-    /// A small panel for every category.
+    /// Draws a small panel of intensity for every category.
     pub(super) fn intensities(&self, name: &str, curves: &[IntensityCurve]) -> Result<String> {
         let rows = curves.len().div_ceil(PANELS_IN_A_ROW).max(1);
         let size = (PANEL.0 * PANELS_IN_A_ROW as u32, PANEL.1 * rows as u32);
@@ -67,7 +68,7 @@ impl Album {
 fn label(canvas: &Canvas<'_>, text: &str, at: (i32, i32), upright: bool) -> Result<()> {
     let style = TextStyle::from((FONT, 14).into_font());
     let style = match upright {
-        // Turned text is anchored where it begins.
+        // Rotated text is anchored at its start.
         true => TextStyle::from((FONT, 14).into_font().transform(FontTransform::Rotate270))
             .pos(Pos::new(HPos::Left, VPos::Center)),
         false => style.pos(Pos::new(HPos::Right, VPos::Center)),

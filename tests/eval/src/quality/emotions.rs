@@ -1,4 +1,5 @@
-//! Emotion: is it performed as its table says, and does intensity make more of each?
+//! Emotion: whether the face performs each category as the table of expressions says, and whether a
+//! higher intensity moves it further.
 
 use std::path::Path;
 
@@ -16,11 +17,11 @@ use anyface::{
     motion::Expressions,
 };
 
-/// Clips on which intensity is measured, and as many others that choose the landmarks.
+/// Clips to measure intensity on. As many other clips serve to choose the landmarks.
 const INTENSITY_CLIPS: usize = 4;
-/// Intensities beside 0.
+/// Intensities to measure, other than 0.
 pub(super) const INTENSITIES: [f32; 6] = [0.25, 0.5, 0.75, 1.0, 1.25, 1.5];
-/// Landmarks that an emotion's face moves most.
+/// How many landmarks to measure: those that the emotion moves most.
 pub(super) const OWN_LANDMARKS: usize = 12;
 const MM: f64 = 1000.0;
 const PER_CENT: f64 = 100.0;
@@ -29,18 +30,18 @@ const PER_CENT: f64 = 100.0;
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct IntensityCurve {
     pub emotion: &'static str,
-    /// The landmarks that it moves most.
+    /// The landmarks that the emotion moves most.
     pub landmarks: Vec<usize>,
-    /// Mean displacement of these from the performance at intensity 0, mm, at 0 and
+    /// Mean displacement of `landmarks` from their motion at intensity 0, mm, at 0 and
     /// [`INTENSITIES`].
     pub mm: Vec<f64>,
-    /// Whether it grows at every step.
+    /// Whether `mm` grows at every step.
     pub grows: bool,
-    /// The performed expression at intensity 1 along the table's prototype, as a share of it, %.
+    /// Projection of the expression at intensity 1 onto the table's prototype, % of the prototype.
     pub projection_percent: f64,
 }
 
-/// The curve of every category but neutral; none with too few clips.
+/// Measures the curve of every category except neutral. Empty for fewer than two clips.
 pub(super) fn intensity(
     speaker: &Speaker,
     wish: &Wish,
@@ -84,7 +85,7 @@ pub(super) fn intensity(
     curves.collect()
 }
 
-/// What the table of expressions says of a category at intensity 1, `[68, 3]` metres.
+/// The expression of a category at intensity 1 in the table of expressions, `[68, 3]` metres.
 fn prototype(table: &Expressions, category: usize) -> Array2<f64> {
     let mut affect = Array2::zeros((1, EMOTIONS.len() + 1));
     affect[[0, category]] = 1.0;
@@ -98,7 +99,7 @@ fn projection_percent(shift: &Array2<f64>, prototype: &Array2<f64>) -> f64 {
     PER_CENT * (shift * prototype).sum() / power.max(f64::MIN_POSITIVE)
 }
 
-/// The same wish with one category of [`EMOTIONS`].
+/// The same wish, but with one category of [`EMOTIONS`] at `intensity`.
 pub(super) fn with_emotion(wish: &Wish, category: usize, intensity: f32) -> Wish {
     let mut mixture = [0.0; 15];
     mixture[category] = 1.0;
@@ -108,7 +109,7 @@ pub(super) fn with_emotion(wish: &Wish, category: usize, intensity: f32) -> Wish
     }
 }
 
-/// Mean over clips and frames of the difference to the performances at intensity 0, `[68, 3]`.
+/// Mean difference from the motion at intensity 0, over clips and frames, `[68, 3]`.
 fn mean_shift(
     speaker: &Speaker,
     wish: &Wish,

@@ -1,4 +1,5 @@
-//! Whether the face does what events ask, where and when they ask it, and what that costs the speech.
+//! Whether the face performs events in the right place and at the right time, and what that costs
+//! the speech.
 
 use std::ops::Range;
 
@@ -22,79 +23,81 @@ use anyface::{
     systems::Ability,
 };
 
-/// Clips on which every unit is tried.
+/// The most clips to try every unit on.
 const CLIPS: usize = 8;
-/// The slot, seconds: in the middle of clips of three.
+/// The slot of the event, seconds: in the middle of a clip of three seconds.
 const SLOT_S: [f64; 2] = [1.0, 1.8];
-/// Strengths of an event, 1 among them.
+/// Strengths of an event. The second must be 1.
 const STRENGTHS: [f32; 4] = [0.5, 1.0, 1.5, 2.0];
-/// Frames from an event beyond which nothing should change.
+/// Further than this many frames from an event, nothing should change.
 const FAR: usize = 10;
 const PER_CENT: f64 = 100.0;
 
-/// All units.
+/// The scores of all units.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct EventScores {
     pub clips: usize,
     pub units: Vec<UnitScores>,
-    /// p, b, m of the slots that close the lips, of all lower units together.
+    /// How many p, b and m in the slots close the lips, over all lower units.
     pub closures: Closures,
-    /// f and v in slots, of all lower units together.
+    /// f and v in the slots, over all lower units.
     pub teeth: TeethReached,
 }
 
-/// f and v in the slots of events of strength 1: median distance from the lower lip to the edge of the upper incisors,
-/// mm, as [`Mouth`] measures it.
+/// How near the lower lip comes to the upper incisors on f and v in the slots of events.
+///
+/// The events have strength 1. Values are median distances to the edge of the incisors, mm, as
+/// [`Mouth`] measures them.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct TeethReached {
     pub count: usize,
-    /// Without an event.
+    /// Distance without an event.
     pub without_mm: f64,
     pub with_mm: f64,
-    /// With the event over the speech, which nothing then guards.
+    /// Distance where the event overrides the speech, which nothing then protects.
     pub over_mm: f64,
-    /// With the unit's shapes added to the speech's.
+    /// Distance where the weights of the unit's shapes are added to those of the speech.
     pub added_mm: f64,
-    /// The lower unit under which they are farthest away, and how far.
+    /// The lower unit with the largest median distance under its event, and that distance.
     pub worst: Option<(String, f64)>,
 }
 
-/// One action unit on both sides; means over clips.
+/// The scores of one action unit on both sides. Means over clips, except `far` and `closures`.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct UnitScores {
     pub unit: String,
     pub label: String,
     pub is_lower: bool,
-    /// At each of [`STRENGTHS`].
+    /// Control rate at each of [`STRENGTHS`].
     pub control_rate: Vec<f64>,
-    /// The same without an event.
+    /// Control rate without an event.
     pub without: f64,
-    /// What goes to the five frames either side, of what the slot has.
+    /// The event's change in the five frames on either side, as a share of its change in the slot.
     pub leak: f64,
-    /// Largest change of any weight further than [`FAR`] frames from the slot.
+    /// Largest change of any weight beyond [`FAR`] frames from the slot, over all clips.
     pub far: f64,
-    /// Pearson r of the lip gap with the recording that the event costs.
+    /// How much the event lowers Pearson's r between the lip gap and the recording's.
     pub gap_r_lost: f64,
-    /// The same where the event is put over the speech.
+    /// The same where the event overrides the speech.
     pub gap_r_lost_over: f64,
-    /// p, b, m of the slots that close the lips.
+    /// How many p, b and m in the slots close the lips.
     pub closures: Closures,
 }
 
-/// Lips that meet in the slots of an event of strength 1, %.
+/// Share of the p, b and m in the slots of an event of strength 1 that close the lips, %.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Closures {
     pub count: usize,
-    /// Without an event.
+    /// Share without an event.
     pub without_percent: f64,
     pub with_percent: f64,
-    /// With the event over the speech, which nothing then guards.
+    /// Share where the event overrides the speech, which nothing then protects.
     pub over_percent: f64,
-    /// With the unit's shapes added to the speech's.
+    /// Share where the weights of the unit's shapes are added to those of the speech.
     pub added_percent: f64,
 }
 
-/// A performance with what is compared of it.
+/// A performance with the quantities that are compared.
 struct Shown {
     weights: WeightClip,
     /// `[T, 68, 3]`, metres.
@@ -102,7 +105,7 @@ struct Shown {
     gap_mm: Vec<f64>,
 }
 
-/// Every unit on some clips; `None` for a system that knows no events or gives no weights.
+/// Tries every unit on some clips. `None` for a system without events or without weights.
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
@@ -153,14 +156,14 @@ pub(super) fn measure(
     }))
 }
 
-/// f and v of a clip's slot.
+/// The f and v within a clip's slot.
 fn labiodentals(clip: &Clip) -> impl Iterator<Item = &Phone> {
     let phones = clip.phones.iter().flatten();
     let inside = |phone: &&Phone| phone.from_s >= SLOT_S[0] && phone.to_s <= SLOT_S[1];
     phones.filter(|phone| phone.is_labiodental()).filter(inside)
 }
 
-/// All lower units on clips that say f or v in their slot.
+/// Tries all lower units on clips that say f or v in their slot.
 fn teeth_reached(
     speaker: &Speaker,
     wish: &Wish,
@@ -231,7 +234,7 @@ fn with_event(wish: &Wish, event: Event) -> Wish {
     }
 }
 
-/// The unit's shapes put on by addition, weight 1 within the slot.
+/// Adds the unit's shapes to the speech, at weight 1 within the slot.
 fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<Shown> {
     let mut weights = plain.weights.clone();
     let (frames, fps) = (weights.weights.nrows(), weights.fps);
@@ -246,7 +249,7 @@ fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<S
     of_weights(speaker, clip, weights)
 }
 
-/// `None` where the motion is no weights.
+/// Performs a clip. `None` if the motion does not consist of weights.
 fn shown(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Option<Shown>> {
     let Performance { motion, .. } = speaker.performance(&clip.waveform, clip.fps, wish)?;
     match motion {
@@ -264,7 +267,7 @@ fn of_weights(speaker: &Speaker, clip: &Clip, weights: WeightClip) -> Result<Sho
     })
 }
 
-/// One unit on one clip.
+/// The scores of one unit on one clip.
 struct Row {
     control_rate: Vec<f64>,
     without: f64,
@@ -324,7 +327,8 @@ fn far(a: &WeightClip, b: &WeightClip, slot: &Range<usize>) -> f64 {
 }
 
 impl Closures {
-    /// Counts those of one clip: without an event, with it, over the speech, added.
+    /// Counts the closures of one clip. `shown`: without an event, with it, with it overriding the
+    /// speech, and with its shapes added.
     fn add(&mut self, clip: &Clip, shown: [&Shown; 4]) -> Result<()> {
         let phones = clip.phones.as_deref().unwrap_or_default();
         let inside = |(from, to): &(f64, f64)| *from >= SLOT_S[0] && *to <= SLOT_S[1];
@@ -400,7 +404,7 @@ fn mean_of(unit: usize, rows: &[Row], closures: Closures) -> UnitScores {
     }
 }
 
-/// The section of the report.
+/// Writes the section of the report.
 pub(super) fn section(page: &mut Page, scores: &EventScores) {
     page.block("## Events");
     page.block(format!(

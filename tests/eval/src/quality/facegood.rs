@@ -1,6 +1,7 @@
 //! facegood_zh: five takes of Mandarin with ARKit weights at 30 fps (MIT).
 //!
-//! Only mouth and jaw were animated: brows, eyes and the upper contour of the face are not judged.
+//! Only the mouth and jaw were animated, so brows, eyes and the upper contour of the face are not
+//! scored.
 
 use std::path::{Path, PathBuf};
 
@@ -10,21 +11,23 @@ use super::clip::{Clip, Corpus, cut};
 use crate::face_model::IctLandmarks;
 use anyface::{Error, Result, audio::Waveform, mesh::ibug::LANDMARKS};
 
-/// Name of the source that holds whole takes.
+/// Name of the corpus that holds out whole takes.
 pub(super) const WHOLE_TAKES: &str = "facegood_zh_whole";
 const FPS: f64 = 30.0;
-/// The split counts frames at this rate.
+/// Frame rate at which the split between training and held-out frames is counted.
 const SPLIT_FPS: f64 = 25.0;
-/// Share of every take that belongs to training.
+/// Share of every take that training uses.
 const TRAINING_SHARE: f64 = 0.85;
 
-/// Landmarks that the weights cannot move.
+/// Whether this is a landmark that the weights cannot move.
 fn unseen(n: usize) -> bool {
     matches!(n, 0..=2 | 14..=26 | 36..=47)
 }
 
-/// The end of every take is held out, then whole takes, for models that never saw the take; the
-/// first `limit` takes are read.
+/// Reads two corpora from the first `limit` takes.
+///
+/// The first holds out the end of every take. The second holds out whole takes, for models that
+/// never saw them.
 pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<[Corpus; 2]> {
     let folder = data.join("motion/facegood_zh");
     let empty = |source: &str| Corpus {
@@ -62,13 +65,14 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
     Ok([ends, whole])
 }
 
-/// `1114_2_01` of `…/1114_2_01.arkit.csv`.
+/// The name of a take: `1114_2_01` for `…/1114_2_01.arkit.csv`.
 fn take_name(table: &Path) -> String {
     let name = table.file_name().unwrap_or_default().to_string_lossy();
     name.trim_end_matches(".arkit.csv").into()
 }
 
-/// Start of the held-out end of a take of `frames` frames at 30 fps, as training cuts it.
+/// Where the held-out end of a take of `frames` frames at 30 fps starts, seconds. Training cuts it
+/// at the same place.
 fn first_held_out_s(frames: usize) -> f64 {
     let at_split_rate = ((frames - 1) as f64 / FPS * SPLIT_FPS).floor() + 1.0;
     (TRAINING_SHARE * at_split_rate).floor() / SPLIT_FPS
@@ -90,7 +94,7 @@ fn takes(folder: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// Names of the columns but the first, which counts frames, and their values `[T, columns]`.
+/// Names of all columns except the first, which counts frames, and their values `[T, columns]`.
 fn read_weights(path: &Path) -> Result<(Vec<String>, Array2<f64>)> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let bad = |what: &str| Error::InvalidInput(format!("{}: {what}", path.display()));
@@ -117,7 +121,7 @@ fn read_weights(path: &Path) -> Result<(Vec<String>, Array2<f64>)> {
     ))
 }
 
-/// Landmark motion `[T, 68, 3]`.
+/// Turns the weights into landmark motion `[T, 68, 3]`.
 fn displace(names: &[String], weights: &Array2<f64>, ict: &IctLandmarks) -> Result<Array3<f64>> {
     let mut motion = Array3::zeros((weights.nrows(), LANDMARKS, 3));
     for (name, column) in names.iter().zip(weights.columns()) {

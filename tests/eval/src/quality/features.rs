@@ -1,4 +1,4 @@
-//! The four curves by which a mouth is read: opening, width, jaw and rounding.
+//! The four curves that describe a mouth: opening, width, jaw and rounding.
 
 use ndarray::Array2;
 
@@ -8,19 +8,20 @@ use crate::metrics::{self, mouth_width};
 
 const MM: f64 = 1000.0;
 const CHIN: usize = 8;
-/// Middles of the outer lips, which come forward when they are rounded.
+/// Middles of the outer lips, which move forward when the lips are rounded.
 const MIDDLES: [usize; 2] = [51, 57];
-/// How many there are.
+/// Number of features.
 pub(super) const COUNT: usize = 4;
-/// Places in [`of`].
+/// Indices of the features in the result of [`of`].
 pub(super) const GAP: usize = 0;
 pub(super) const WIDTH: usize = 1;
 pub(super) const CHIN_DROP: usize = 2;
 pub(super) const PROTRUSION: usize = 3;
 
-/// Every feature of `[T, 68, 3]` motion of a face `[68, 3]`, metres: `[4][T]` millimetres: inner-lip gap ‖62 − 66‖,
-/// mouth width ‖48 − 54‖, fall of the chin (−y of 8), protrusion (mean z of 51 and 57); the last two
-/// count from rest.
+/// Every feature of motion `[T, 68, 3]` on a face `[68, 3]`, both in metres: `[4][T]` millimetres.
+///
+/// The features are the inner-lip gap ‖62 − 66‖, the mouth width ‖48 − 54‖, the drop of the chin
+/// (−y of 8) and the protrusion (mean z of 51 and 57). The last two are relative to rest.
 pub(super) fn of(face: &Array2<f64>, motion: metrics::Clip<'_>) -> Result<[Vec<f64>; COUNT]> {
     let positions = (&motion + face) * MM;
     let forward = |t: usize| 0.5 * MIDDLES.map(|n| motion[[t, n, 2]]).iter().sum::<f64>();

@@ -1,4 +1,4 @@
-//! Which pictures a report shows.
+//! Draws the pictures that a report shows.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ const TRACKS: usize = 3;
 /// Frames in a row of a contact sheet.
 const COLUMNS: usize = 8;
 
-/// File names of the pictures.
+/// The pictures of a report, by file name.
 #[derive(Default)]
 pub(super) struct Figures {
     /// Source, title and file.
@@ -45,7 +45,7 @@ impl Figures {
         plots.map(|(_, title, file)| (*title, file.as_str()))
     }
 
-    /// Draws everything into `album`; without a head there are no contact sheets.
+    /// Draws everything into `album`. Without a head there are no contact sheets.
     pub(super) fn draw(
         album: &Album,
         performed: &[Performed],
@@ -111,7 +111,7 @@ impl Figures {
         Ok(())
     }
 
-    /// Recording and model side by side over a stretch of the first clip.
+    /// Draws the recording and the model below it over the first three seconds of the first clip.
     fn speech_sheet(
         &mut self,
         album: &Album,
@@ -140,7 +140,7 @@ impl Figures {
         Ok(())
     }
 
-    /// Every category at intensity 1 on one clip.
+    /// Draws every category at intensity 1 on one clip.
     fn emotion_sheet(
         &mut self,
         album: &Album,
@@ -176,7 +176,7 @@ fn track<'a>(clip: &'a Clip, motion: &Array3<f64>) -> Result<Track<'a>> {
     })
 }
 
-/// Frames at equal distances, none at the very ends.
+/// Evenly spaced frames, none of them at either end of the clip.
 fn spread(frames: usize) -> Vec<usize> {
     (1..=COLUMNS).map(|k| k * frames / (COLUMNS + 1)).collect()
 }

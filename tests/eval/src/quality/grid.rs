@@ -1,10 +1,10 @@
 //! grid_s1: 909 clips of one man, tracked frame by frame by MediaPipe Face Landmarker at 25 fps.
 //!
-//! GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006). Cleaned as in
-//! `training/corpus/grid.py`: the pose of the head is already removed, lost frames are filled and not
-//! judged, the rest is smoothed lightly; then it is turned so that the speaker's
-//! neutral fits ICT's, and keeps its size. The eyes blink and look down at the text, which has nothing to do with speech: their
-//! landmarks are not judged.
+//! GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006). It is cleaned as in
+//! `training/corpus/grid.py`. The track comes without the pose of the head. Lost frames are filled
+//! in but not scored, and the track is smoothed lightly. Then it is rotated, without scaling, so
+//! that the speaker's neutral face fits ICT's. The eyes blink and look down at the text, which has
+//! nothing to do with speech, so their landmarks are not scored.
 
 use std::{ops::Range, path::Path};
 
@@ -19,7 +19,7 @@ use anyface::{
     mesh::{Similarity, ibug::LANDMARKS},
 };
 
-/// Where the track lies in the data folder.
+/// Path of the track in the data folder.
 pub(crate) const TRACK: &str = "motion/grid_s1/face_track.safetensors";
 /// Frame rate of the video.
 pub(super) const FPS: f64 = 25.0;
@@ -30,21 +30,22 @@ const REST_SHARE: f64 = 0.05;
 /// Silent frames at either end of a clip.
 const EDGE_FRAMES: usize = 6;
 const EVERY: usize = 10;
-/// Clips of this index within every ten fit the baselines.
+/// The baselines are fitted to the clip with this index in every ten.
 const FOR_BASELINES: usize = 5;
 /// Eyes, nose and mouth.
 const INNER: Range<usize> = 27..LANDMARKS;
 const EYES: Range<usize> = 36..48;
 
-/// One clip as it was tracked.
+/// The track of one clip.
 struct Track {
-    /// `[T, 68, 3]` centimetres, filled and smoothed.
+    /// `[T, 68, 3]` centimetres, with lost frames filled in and smoothed.
     landmarks: Array3<f64>,
     /// `[T]`, whether the tracker saw the face.
     tracked: Vec<bool>,
 }
 
-/// Every tenth clip by name is held out; the first `limit` of them are read.
+/// Reads the corpus. Every tenth clip in the order of names is held out; `limit` bounds the
+/// held-out clips and the training clips alike.
 pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Result<Corpus> {
     let file = TensorFile::read(&data.join(TRACK))?;
     let names = file.words("clips")?;
@@ -84,7 +85,8 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
     })
 }
 
-/// Clips whose index in the order of names leaves `remainder` on division by ten; 0: held out.
+/// Every tenth clip in the order of names, starting at index `remainder`. A remainder of 0 gives
+/// the held-out clips.
 pub(crate) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
     let mut sorted: Vec<usize> = (0..names.len()).collect();
     sorted.sort_by_key(|c| &names[*c]);
@@ -92,7 +94,7 @@ pub(crate) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
     chosen.copied().collect()
 }
 
-/// First frame of each clip, and the end of the last.
+/// The frames of each clip within the track.
 pub(crate) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>> {
     let (offsets, _) = file.floats("clip_offsets")?;
     let spans: Vec<_> = offsets
@@ -134,7 +136,7 @@ fn read_tracks(file: &TensorFile, clips: usize) -> Result<Vec<Track>> {
     Ok(spans.into_iter().map(track).collect())
 }
 
-/// The longest stretch of frames that were tracked.
+/// The longest run of tracked frames.
 fn longest_run(tracked: &[bool]) -> Range<usize> {
     let mut best = 0..0;
     let mut start = 0;
@@ -148,7 +150,7 @@ fn longest_run(tracked: &[bool]) -> Range<usize> {
     best
 }
 
-/// Linear interpolation over lost frames, ends held.
+/// Interpolates lost frames linearly. Lost frames at either end repeat the nearest tracked frame.
 fn filled(track: &Array3<f64>, tracked: &[bool]) -> Array3<f64> {
     let good: Vec<usize> = (0..tracked.len()).filter(|t| tracked[*t]).collect();
     let (Some(first), Some(last)) = (good.first(), good.last()) else {
@@ -170,7 +172,8 @@ fn filled(track: &Array3<f64>, tracked: &[bool]) -> Array3<f64> {
     out
 }
 
-/// Gaussian over time, cut at four deviations, ends held.
+/// Smooths over time with a Gaussian, cut off at four standard deviations. The first and last frame
+/// continue beyond the ends.
 fn smoothed(track: &Array3<f64>) -> Array3<f64> {
     let reach = (4.0 * SMOOTHING_FRAMES + 0.5) as isize;
     let weight = |k: isize| (-0.5 * (k as f64 / SMOOTHING_FRAMES).powi(2)).exp();
@@ -187,10 +190,11 @@ fn smoothed(track: &Array3<f64>) -> Array3<f64> {
     out
 }
 
-/// Neutral face `[68, 3]`: the silent face with its lips together.
+/// The neutral face `[68, 3]`: the silent face with its lips together, in centimetres.
 ///
-/// The ends of a clip are silent; there the mouth is at rest, often slightly open. A line through
-/// every coordinate over the inner-lip gap of these frames is read at the 5 % quantile of gaps.
+/// A clip is silent at both ends. There the mouth is at rest, often slightly open. Over these
+/// frames, a line is fitted to every coordinate as a function of the inner-lip gap. Its value at the
+/// 5 % quantile of the gaps is the neutral face.
 fn rest_template(tracks: &[Track]) -> Array2<f64> {
     let mut edges = Vec::new();
     for track in tracks {
@@ -216,7 +220,7 @@ fn rest_template(tracks: &[Track]) -> Array2<f64> {
     mean + slope * (quantile(&gaps, REST_SHARE) - mean_gap)
 }
 
-/// Rotation from the speaker's neutral to ICT's, by eyes, nose and mouth.
+/// Rotation from the speaker's neutral face to ICT's, fitted to the eyes, nose and mouth.
 fn turn_to_ict(neutral: &Array2<f64>, ict: &IctLandmarks) -> Result<Array2<f64>> {
     let target = &ict.neutral / METRES_PER_CM;
     let fit = Similarity::fit(&points(neutral, INNER), &points(&target, INNER), None)?;

@@ -1,4 +1,4 @@
-//! Heads of three makers: what landmark motion becomes on a mesh.
+//! Heads from three sources, to measure how landmark motion moves a mesh.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ impl Head {
         })
     }
 
-    /// Vertices under landmark motion `[T, 68, 3]` metres: displacements `[T, V, 3]`, mesh units.
+    /// Vertex displacements `[T, V, 3]` in mesh units under landmark motion `[T, 68, 3]` in metres.
     pub(super) fn moved(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f32>> {
         let motion = LandmarkClip {
             displacements: motion.mapv(|x| x as f32),
@@ -61,8 +61,9 @@ impl Head {
         vertex_motion(engine, &self.face, &motion)
     }
 
-    /// How the mesh itself moves at its landmarks under landmark motion `[T, 68, 3]` metres:
-    /// `[T, 68, 3]`, millimetres along the canonical axes on a head of human size.
+    /// How the mesh itself moves at its landmarks under landmark motion `[T, 68, 3]` in metres.
+    ///
+    /// Returns `[T, 68, 3]`, millimetres along the canonical axes on a head of human size.
     pub(super) fn landmarks(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f64>> {
         let vertices = self.face.landmarks.vertices.map(|v| v as usize);
         let moved = self.moved(engine, motion)?.select(Axis(1), &vertices);
@@ -77,7 +78,7 @@ impl Head {
     }
 }
 
-/// Whole frames of motion, one under the other, `[T, 68, 3]`.
+/// Stacks frames `[68, 3]` into one clip, `[T, 68, 3]`.
 pub(super) fn stacked(frames: &[ndarray::ArrayView2<'_, f64>]) -> Array3<f64> {
     let mut out = Array3::zeros((frames.len(), LANDMARKS, 3));
     for (from, mut to) in frames.iter().zip(out.outer_iter_mut()) {

@@ -1,7 +1,7 @@
-//! f and v: does the lower lip reach the upper teeth, and tuck in under them?
+//! f and v: whether the lower lip reaches the upper teeth and tucks in under them.
 //!
-//! Measured on ICT's mean head, whose teeth are where teeth are: motion is spread over its mesh, and
-//! the nearest vertex of the lower lip counts.
+//! Measured on ICT's mean head, which has teeth in the right place. Spreads the motion over its
+//! mesh and takes the vertex of the lower lip that is nearest to the teeth.
 
 use std::path::Path;
 
@@ -23,45 +23,46 @@ use anyface::{Engine, Result};
 
 /// Vertices of ICT's upper teeth.
 const UPPER_TEETH: std::ops::Range<usize> = 17_039..19_247;
-/// Vertices of its skin, lips inside and out, and of the mouth's socket.
+/// Vertices of its skin, of the lips inside and outside, and of the mouth socket.
 const SKIN: std::ops::Range<usize> = 0..14_062;
-/// The edge of the incisors: this near to the middle, this near to the lowest and to the foremost
-/// tooth, centimetres.
+/// Limits of the edge of the incisors, centimetres: sideways from the middle, above the lowest of
+/// the middle front vertices, behind the foremost vertex of the teeth.
 const EDGE_CM: [f32; 3] = [0.35, 0.15, 0.45];
-/// The lower lip is what its roll moves by this share of its largest motion, this near to the middle
-/// in centimetres.
+/// A vertex belongs to the lower lip if the lip's roll moves it by more than this share of the
+/// roll's largest motion, and if it lies within `LIP_HALF_WIDTH_CM` of the middle.
 const ROLLED: f32 = 0.3;
 const LIP_HALF_WIDTH_CM: f32 = 0.6;
 /// The lip may reach the teeth this long before the sound, seconds.
 const LEAD_S: f64 = 0.04;
 /// Middle of the lower lip, inside and outside.
 const LOWER_LIP: [usize; 2] = [66, 57];
-/// At most so many of one source are measured.
+/// The most f and v of one source to measure.
 const MOST: usize = 150;
-/// Frames that are spread at once.
+/// Frames to spread over the mesh at once.
 const BATCH: usize = 50;
 const MM: f64 = 1000.0;
 const MM_PER_CM: f64 = 10.0;
 
-/// ICT's head with what of it is measured.
+/// ICT's head with its lower lip and the edge of its upper incisors.
 pub(super) struct Mouth {
     head: Head,
     /// Vertices of the lower lip.
     lip: Vec<usize>,
-    /// `[lip]`, their places at rest, centimetres.
+    /// `[lip]`, rest positions of these vertices, centimetres.
     rest_cm: Vec<[f32; 3]>,
     edge_cm: Vec<[f32; 3]>,
     /// `[68, 3]` metres.
     neutral: Array2<f64>,
 }
 
-/// One f or v.
+/// The measurements of one f or v.
 struct Record {
     distance_mm: f64,
     tuck_mm: f64,
 }
 
-/// The recording and the model on every source with f and v; all languages of espeak-ng together.
+/// Measures the recording and the model on every source with f and v. All languages of espeak-ng
+/// count as one source.
 pub(super) fn measure(engine: &Engine, mouth: &Mouth, performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     let mut all_frames = Vec::new();
@@ -103,13 +104,13 @@ impl Mouth {
         })
     }
 
-    /// Of every f and v of a clip the frame in which the lower lip's landmark is nearest to the teeth.
+    /// For every f and v of a clip, the frame in which landmark 66 is nearest to the teeth.
     fn nearest_frames<'a>(&self, clip: &Clip, motion: &'a Array3<f64>) -> Vec<ArrayView2<'a, f64>> {
         let phones = clip.phones.iter().flatten().filter(|p| p.is_labiodental());
         self.nearest_of(phones, clip, motion)
     }
 
-    /// The same of given phones.
+    /// The same for the given phones.
     pub(super) fn nearest_of<'a, 'p>(
         &self,
         phones: impl Iterator<Item = &'p Phone>,
@@ -132,7 +133,7 @@ impl Mouth {
         nearest.map(|t| motion.index_axis(Axis(0), t)).collect()
     }
 
-    /// None without frames.
+    /// Scores one predictor on one source. None without frames.
     fn score(
         &self,
         engine: &Engine,
@@ -170,7 +171,8 @@ impl Mouth {
         Ok(records)
     }
 
-    /// Median distance from the lower lip to the incisors in frames `[68, 3]` of motion; `None` without one.
+    /// Median distance from the lower lip to the incisors over frames `[68, 3]` of motion, mm.
+    /// `None` without frames.
     pub(super) fn distance_mm(
         &self,
         engine: &Engine,
@@ -180,7 +182,8 @@ impl Mouth {
         Ok(median(records.iter().map(|record| record.distance_mm)))
     }
 
-    /// From the nearest vertex of the displaced lip, `[lip, 3]` centimetres, to the incisors.
+    /// Distance from the incisors to the nearest vertex of the lip. `displaced`: `[lip, 3]`
+    /// displacements, centimetres.
     fn distance_cm(&self, displaced: ArrayView2<'_, f32>) -> f64 {
         let lip = self.rest_cm.iter().zip(displaced.rows());
         let squares = lip.flat_map(|(rest, moved)| {
@@ -197,7 +200,8 @@ fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
 }
 
-/// Vertices of the lower lip among pairs of place and motion under its roll, centimetres.
+/// Finds the vertices of the lower lip. `vertices`: rest position and motion under the lip's roll,
+/// centimetres.
 fn lower_lip(vertices: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Vec<usize> {
     let all: Vec<(f32, f32)> = vertices
         .map(|(at, moved)| (at[0].abs(), distance(moved, [0.0; 3])))
@@ -207,7 +211,7 @@ fn lower_lip(vertices: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Vec<usize>
     (0..all.len()).filter(|v| inside(&all[*v])).collect()
 }
 
-/// Lowest vertices of the middle front teeth.
+/// The lowest vertices of the middle front teeth.
 fn incisor_edge(teeth: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let front = teeth.iter().map(|p| p[2]).fold(f32::MIN, f32::max) - EDGE_CM[2];
     let near = |p: &&[f32; 3]| p[0].abs() < EDGE_CM[0] && p[2] > front;

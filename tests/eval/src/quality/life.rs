@@ -1,4 +1,4 @@
-//! What lives around the mouth: the head's rotation, gaze and blinks, against the tracked speaker's.
+//! Compares the life around the mouth with the tracked speaker's: head rotation, gaze and blinks.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::metrics::quantile;
 use crate::tensors::TensorFile;
 use anyface::Result;
 
-/// What is measured of a clip.
+/// The quantities measured for each clip.
 pub(super) const QUANTITIES: [&str; 5] = [
     "pitch, standard deviation, degrees",
     "yaw, standard deviation, degrees",
@@ -25,25 +25,25 @@ pub(super) const QUANTITIES: [&str; 5] = [
 ];
 const RADIANS_PER_UNIT: f64 = 1e-4;
 const WEIGHT_PER_UNIT: f64 = 1.0 / 255.0;
-/// The eye's turn at a gaze weight of 1, degrees; ARKit leaves it open, faces of rigs turn about this
-/// far.
+/// Rotation of the eye at a gaze weight of 1, degrees. ARKit does not define it; rigs use about
+/// this much.
 const GAZE_DEGREES: f64 = 30.0;
-/// A saccade turns the eyes by more than this in one frame of video, degrees.
+/// A saccade turns the eyes by more than this from one video frame to the next, degrees.
 const SACCADE_DEGREES: f64 = 3.0;
-/// Lids nearer than this share of their widest are shut.
+/// Lids count as shut below this share of the clip's wide opening, its 95 % quantile.
 const SHUT: f64 = 0.5;
-/// Upper and lower landmarks of both lids.
+/// Pairs of upper and lower lid landmarks, two for each eye.
 const LIDS: [[usize; 2]; 4] = [[37, 41], [38, 40], [43, 47], [44, 46]];
 const TAILS: [f64; 3] = [0.05, 0.5, 0.95];
 const SECONDS_PER_MINUTE: f64 = 60.0;
 
-/// What surrounds the mouth during one clip, at the frame rate of the tracked video.
+/// The motion around the mouth during one clip, at the frame rate of the tracked video.
 pub(super) struct Surroundings {
-    /// `[T]`: pitch, yaw and roll, degrees; none where the head does not turn by itself.
+    /// `[T]`: pitch, yaw and roll, degrees; none if the head does not turn by itself.
     pub head: Option<Vec<[f64; 3]>>,
-    /// `[T]`: the eyes' yaw and pitch, degrees; none where there is no gaze.
+    /// `[T]`: the eyes' yaw and pitch, degrees; none if there is no gaze.
     pub gaze: Option<Vec<[f64; 2]>>,
-    /// `[T]`, opening of the lids as a share of the clip's widest.
+    /// `[T]`, opening of the lids as a share of the clip's 95 % quantile.
     pub lids: Vec<f64>,
 }
 
@@ -80,7 +80,7 @@ pub(super) fn measure(
     Ok(rows.collect())
 }
 
-/// In the order of [`QUANTITIES`].
+/// One value for each of [`QUANTITIES`], in their order.
 type Numbers = [Option<f64>; 5];
 
 impl Surroundings {
@@ -96,7 +96,7 @@ impl Surroundings {
         [turn(0), turn(1), turn(2), saccades, Some(blinks)]
     }
 
-    /// Jumps of the gaze while the lids are open on both sides of the jump.
+    /// Counts jumps of the gaze. The lids must be open before and after a jump.
     fn saccades(&self, gaze: &[[f64; 2]]) -> usize {
         let jumps = (1..gaze.len()).map(|t| {
             let open = self.lids[t - 1].min(self.lids[t]) >= SHUT;
@@ -113,7 +113,7 @@ fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     (values.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// How often something begins.
+/// How often the state changes from false to true.
 fn onsets(states: impl Iterator<Item = bool>) -> usize {
     let mut before = false;
     let mut count = 0;
@@ -124,7 +124,7 @@ fn onsets(states: impl Iterator<Item = bool>) -> usize {
     count
 }
 
-/// Opening of the lids of `[T, 68, 3]` motion of a face, as a share of its 95 % quantile.
+/// Opening of the lids under motion `[T, 68, 3]` of a face, as a share of its 95 % quantile.
 fn lids(face: &Array2<f64>, motion: &Array3<f64>) -> Vec<f64> {
     let opening = |t: usize, [a, b]: [usize; 2]| {
         let along = |i: usize| {
@@ -139,7 +139,7 @@ fn lids(face: &Array2<f64>, motion: &Array3<f64>) -> Vec<f64> {
     sums.into_iter().map(|sum| sum / wide).collect()
 }
 
-/// What the engine performs around the mouth for a clip's sound.
+/// The motion that the engine makes around the mouth for a clip's sound.
 fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings> {
     let performance = speaker.performance(&clip.waveform, FPS, wish)?;
     let life = &performance.life;
@@ -157,7 +157,7 @@ fn performed(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Surroundings
     })
 }
 
-/// The tracked speaker during `clips`, which are the first of the held-out ones.
+/// The tracked speaker's motion during `clips`, which must be the first of the held-out clips.
 fn recorded(data: &Path, clips: &[Clip]) -> Result<Vec<Surroundings>> {
     let file = TensorFile::read(&data.join(TRACK))?;
     let names = file.words("clips")?;
@@ -188,7 +188,7 @@ fn recorded(data: &Path, clips: &[Clip]) -> Result<Vec<Surroundings>> {
 struct Weights {
     values: Vec<f32>,
     columns: usize,
-    /// Columns: away from the nose and towards it, up and down, left eye then right.
+    /// Columns of the weights, left eye then right: away from the nose, towards it, up and down.
     out: [usize; 2],
     inward: [usize; 2],
     up: [usize; 2],
@@ -217,7 +217,7 @@ impl Weights {
         })
     }
 
-    /// Yaw towards the subject's left and pitch upwards, mean of both eyes.
+    /// Mean yaw towards the subject's left and mean pitch upwards of both eyes, degrees.
     fn gaze_degrees(&self, frame: usize) -> [f64; 2] {
         let at =
             |column: usize| f64::from(self.values[frame * self.columns + column]) * WEIGHT_PER_UNIT;

@@ -1,4 +1,4 @@
-//! The rows of the table: what each number is, and how clips give it together.
+//! The rows of the table: what each number means, and how to compute it over clips.
 
 use super::{
     bootstrap::estimate,
@@ -9,17 +9,17 @@ use crate::metrics::{LagCurve, Moments, Spectrum};
 
 const MS: f64 = 1000.0;
 
-/// One number of the table.
+/// One measure, a row of the table.
 pub(super) struct Measure {
     pub key: &'static str,
     pub title: &'static str,
-    /// Decimals that are shown.
+    /// Decimals to show.
     pub digits: usize,
     pub definition: &'static str,
     pub of: fn(&[&ClipScores]) -> Option<f64>,
 }
 
-/// Sum over clips of a feature's scatter within clips: predicted, recorded and joint.
+/// A feature's scatter within each clip, summed over clips: predicted, recorded and joint.
 fn scatter(clips: &[&ClipScores], feature: usize) -> [f64; 3] {
     clips.iter().fold([0.0; 3], |sum, clip| {
         let moments = &clip.features[feature];
@@ -29,7 +29,7 @@ fn scatter(clips: &[&ClipScores], feature: usize) -> [f64; 3] {
     })
 }
 
-/// Mean over clips, weighted by frames, of what every clip has.
+/// Mean of a value over clips, weighted by frames. None if any clip lacks the value.
 fn mean(clips: &[&ClipScores], of: impl Fn(&ClipScores) -> Option<f64>) -> Option<f64> {
     let (mut sum, mut frames) = (0.0, 0.0);
     for clip in clips {
@@ -56,7 +56,7 @@ fn slope<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
     (recorded > 0.0).then(|| joint / recorded)
 }
 
-/// Root of the ratio of the scatters within clips.
+/// Square root of the predicted over the recorded scatter within clips.
 fn amplitude<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
     let [predicted, recorded, _] = scatter(clips, FEATURE);
     (recorded > 0.0).then(|| (predicted / recorded).sqrt())
@@ -71,7 +71,7 @@ fn lag_ms(clips: &[&ClipScores]) -> Option<f64> {
     (r > 0.0).then(|| frames * clips[0].frame_s * MS)
 }
 
-/// Spectra of the gap over all clips, predicted and recorded.
+/// Spectra of the lip gap over all clips, predicted and recorded.
 fn spectra(clips: &[&ClipScores]) -> [Spectrum; 2] {
     [0, 1].map(|k| {
         let mut sum = Spectrum::default();
@@ -85,7 +85,7 @@ fn band_ratio(clips: &[&ClipScores], low: f64, high: f64) -> Option<f64> {
     (recorded > 0.0).then(|| predicted / recorded)
 }
 
-/// The four numbers of one feature.
+/// The four measures of one feature.
 macro_rules! of_feature {
     ($feature:ident, $name:literal, $definition:literal) => {
         [
@@ -122,7 +122,7 @@ macro_rules! of_feature {
     };
 }
 
-/// r, slope and amplitude of the four features, in their order.
+/// r by clip, r, slope and amplitude of the four features, in the order of the features.
 static FEATURES: [[Measure; 4]; 4] = [
     of_feature!(GAP, "gap", "the inner-lip gap ‖62 − 66‖"),
     of_feature!(WIDTH, "width", "the mouth's width ‖48 − 54‖"),
@@ -204,20 +204,20 @@ static OTHERS: [Measure; 9] = [
     },
 ];
 
-/// The first so many of [`measures`] are those of the features.
+/// How many of [`measures`] belong to the features. They come first.
 pub(super) const FEATURE_ROWS: usize = 16;
 
-/// In the order of the table.
+/// All measures in the order of the table.
 pub(super) fn measures() -> impl Iterator<Item = &'static Measure> {
     FEATURES.iter().flatten().chain(&OTHERS)
 }
 
-/// r by clip and slope of each feature: what a table at a glance shows.
+/// r by clip and slope of each feature, for the short table.
 pub(super) fn pairs() -> impl Iterator<Item = [&'static Measure; 2]> {
     FEATURES.iter().map(|feature| [&feature[0], &feature[2]])
 }
 
-/// Every measure of `clips` with its interval; those that the clips do not hold are left out.
+/// Every measure of `clips` with its interval, except measures that the clips do not have.
 pub(super) fn scores(clips: &[ClipScores]) -> Scores {
     let estimates = measures().filter_map(|measure| {
         let value = estimate(clips, measure.of)?;

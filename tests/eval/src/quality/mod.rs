@@ -1,7 +1,8 @@
-//! `anyface-eval quality`: the model beside baselines on recorded performances it never saw.
+//! `anyface-eval quality` compares the model with baselines on recorded performances that it
+//! never saw.
 //!
-//! Which stretches are held out is the rule of `training/corpus/split.py`: every tenth clip of
-//! grid_s1 by name, the last 15 % of every take of facegood_zh.
+//! The rule of `training/corpus/split.py` decides which stretches are held out: every tenth clip of
+//! grid_s1 by name, and the last 15 % of every take of facegood_zh.
 
 mod aligned;
 mod baselines;
@@ -72,20 +73,21 @@ pub(super) struct Quality {
     /// Measure everything and write it as Markdown, with R.json and images/R/ beside it
     #[arg(long, value_name = "R.md")]
     report: Option<PathBuf>,
-    /// Folder of sources with phone times, each with phones.jsonl and <id>.ogg or <id>.wav
+    /// Folder of sources with phone times, each with phones.jsonl and ID.ogg or ID.wav
     #[arg(long, value_name = "DIR")]
     aligned: Option<PathBuf>,
-    /// Folder of further predictors, each with <source>/<clip>.npz as `anyface motion` writes them
+    /// Folder of further predictors, each with SOURCE/CLIP.npz as `anyface motion` writes them
     #[arg(long, value_name = "DIR")]
     also: Option<PathBuf>,
-    /// Another system whose motion is measured in the same run, by its name; may be repeated
+    /// Name of another system to measure in the same run; may be repeated
     #[arg(long, value_name = "NAME")]
     beside: Vec<String>,
-    /// Print r and slope of the default model's gap, width, chin and protrusion, nothing else, in
-    /// seconds; with --also those of its files
+    /// Print only r, slope and amplitude of gap, width, chin and protrusion, which takes seconds;
+    /// also for the systems of --beside and the files of --also
     #[arg(long, conflicts_with = "report")]
     quick: bool,
-    /// Print the numbers of one section as JSON, nothing else; closures need --aligned, also those of events
+    /// Print only the numbers of one section, as JSON; lip closures, also during events, need
+    /// --aligned
     #[arg(long, value_name = "SECTION", conflicts_with_all = ["report", "quick"])]
     only: Option<Section>,
     /// Also time 1, 5 and 20 minutes of sound
@@ -104,7 +106,8 @@ pub(super) struct Quality {
     /// At most N utterances of each source without recorded motion
     #[arg(long, value_name = "N", default_value_t = 40)]
     aligned_limit: usize,
-    /// Speaking style for all sources [default: the model's, and each source's own beside it]
+    /// Speaking style for all sources [default: the model's, and besides each source's own if it
+    /// has one]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
     /// Same seed, same motion
@@ -122,7 +125,7 @@ enum Section {
     Events,
 }
 
-/// One section as JSON.
+/// Prints one section as JSON.
 fn print_alone(scores: &impl Serialize, console: &Console) -> Result<()> {
     let text = serde_json::to_string_pretty(scores)
         .map_err(|error| Error::InvalidInput(format!("report: {error}")))?;
@@ -181,7 +184,7 @@ impl Quality {
         Ok(())
     }
 
-    /// The model's features on recorded clips.
+    /// Prints the features of the model, the other systems and the files on recorded clips.
     fn print_quickly(
         &self,
         speaker: &Speaker,
@@ -228,7 +231,8 @@ impl Quality {
         }
     }
 
-    /// All predictors on all sources, and on whole takes those of files, where there are any.
+    /// Runs all predictors on all sources. Whole takes are only for predictors from files, where
+    /// there are any.
     fn perform(
         &self,
         speaker: &Speaker,
@@ -254,7 +258,7 @@ impl Quality {
         Ok((performed.collect::<Result<_>>()?, run.files_alone(whole)?))
     }
 
-    /// What a report holds beside the scores of the sources.
+    /// Measures what a report holds besides the scores of the sources.
     fn measure(
         &self,
         speaker: &Speaker,
@@ -327,7 +331,7 @@ impl Quality {
         })
     }
 
-    /// The page, the numbers beside it as JSON, and the pictures.
+    /// Writes the page, the numbers beside it as JSON, and the pictures.
     fn write(
         &self,
         path: &Path,
@@ -345,7 +349,7 @@ impl Quality {
     }
 }
 
-/// Of every model as `weights` overrides it.
+/// Hashes the weights of every model. Files in the folder `weights` override the built-in ones.
 fn hashes(weights: Option<&Path>) -> Result<Vec<WeightsHash>> {
     let models = built_in_models().map(|model| {
         let files = model.open(weights)?;
@@ -402,7 +406,7 @@ fn table(result: &SourceScores, rows: impl Iterator<Item = &'static Measure>) ->
 mod tests {
     use super::*;
 
-    /// r of the lip gap that loudness alone reaches.
+    /// Correlation r of the lip gap that the loudness baseline reaches.
     fn loudness_r(corpus: &Corpus) -> f64 {
         let baselines = Baselines::fit(&corpus.training).unwrap();
         let clips: Vec<ClipScores> = corpus

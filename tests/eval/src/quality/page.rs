@@ -1,8 +1,8 @@
-//! Markdown that grows.
+//! A Markdown page that is built line by line.
 
 use super::{bootstrap::Estimate, row::Row};
 
-/// Markdown that grows.
+/// A Markdown page that is built line by line.
 #[derive(Default)]
 pub(super) struct Page {
     pub text: String,
@@ -14,7 +14,7 @@ impl Page {
         self.text += "\n";
     }
 
-    /// A paragraph or a heading, and a blank line after it.
+    /// Adds a paragraph or a heading, and a blank line after it.
     pub(super) fn block(&mut self, text: impl AsRef<str>) {
         self.line(text);
         self.line("");
@@ -24,7 +24,7 @@ impl Page {
         self.block(format!("![{title}]({images}/{file})"));
     }
 
-    /// The table of some rows of one kind; nothing without one.
+    /// Adds a table of rows that share their titles. Adds nothing if there are no rows.
     pub(super) fn rows<'a>(&mut self, rows: impl IntoIterator<Item = &'a Row>) {
         let mut rows = rows.into_iter().peekable();
         if let Some(first) = rows.peek() {

@@ -1,4 +1,4 @@
-//! One phone of speech, and what it asks of a mouth.
+//! One phone of speech, and what a mouth has to do for it.
 
 /// Names that aligners give to silence.
 const SILENCES: [&str; 8] = ["", "sil", "sp", "spn", "pau", "<eps>", "_", "h#"];
@@ -16,13 +16,14 @@ impl Phone {
         SILENCES.contains(&self.name.to_lowercase().as_str())
     }
 
-    /// f, v and their like, in IPA and ARPABET.
+    /// Whether it is f, v or a similar sound, in IPA or ARPABET.
     pub(super) fn is_labiodental(&self) -> bool {
         let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
         letters.starts_with(['f', 'v', 'ʋ', 'ɱ', 'F', 'V'])
     }
 
-    /// The letter of a vowel without stress and length, none for diphthongs and everything else.
+    /// `a`, `i` or `u` without marks of stress and length; ɑ counts as `a`. `None` for diphthongs
+    /// and everything else.
     pub(super) fn plain_vowel(&self) -> Option<char> {
         let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
         let mut letters = letters.trim_end_matches(['ː', 'ˑ']).chars();
@@ -33,7 +34,8 @@ impl Phone {
         }
     }
 
-    /// p, b, m and what IPA and ARPABET make of them: stress marks go, the letter remains.
+    /// Whether it is p, b, m or ɓ, in IPA or ARPABET. Stress marks before the letter and anything
+    /// after it are ignored.
     pub(super) fn closes_the_lips(&self) -> bool {
         let letters = self.name.trim_start_matches(['ˈ', 'ˌ']);
         !self.is_silence() && letters.starts_with(['p', 'b', 'm', 'P', 'B', 'M', 'ɓ'])

@@ -1,13 +1,13 @@
-//! Everything that is measured side by side: the model, its stream, the baselines and motion from
-//! files.
+//! Everything that is measured side by side: the model, its stream, other systems, the baselines
+//! and motion from files.
 //!
-//! A folder of files is a folder for each predictor, in it one for each source and in that
-//! `<clip>.npz` with `landmark_displacements` `[T, 68, 3]`, canonical metres from rest, and `fps`, which may be
-//! any: what `anyface motion` and `training` write. Frame 0 is the first frame of the clip: of
-//! `grid_s1` second 0 of its sound, of `facegood_zh` the first at 30 fps from second
-//! ⌊0.85 T⌋ / 25 of the take on, T its length in frames at 25 fps; `facegood_zh_whole` holds whole
-//! takes, second 0 first, for models that were trained without the take or without the source.
-//! Clips without a file are left out.
+//! A folder of files holds one folder per predictor, in that one folder per source, and in that
+//! `<clip>.npz`, as `anyface motion` and `training` write it: `landmark_displacements`
+//! `[T, 68, 3]`, canonical metres from rest, and `fps`, which may be any rate. Frame 0 is the first
+//! frame of the clip. In `grid_s1` this is second 0 of the sound. In `facegood_zh` it is the first
+//! frame at 30 fps from second ⌊0.85 T⌋ / 25 of the take on, where T is the take's length in frames
+//! at 25 fps. `facegood_zh_whole` holds whole takes from second 0 on, for models that were trained
+//! without the take or without the source. Clips without a file are left out.
 
 use std::path::{Path, PathBuf};
 
@@ -27,15 +27,15 @@ const STREAM: &str = "stream";
 /// Name of the baseline that never moves.
 const CONSTANT: &str = "constant";
 
-/// Motion of one origin for the held-out clips of a corpus.
+/// A predictor and its motion for the held-out clips of a corpus.
 pub(super) struct Predictor {
     pub name: String,
-    /// One per held-out clip, `[T, 68, 3]` metres; none where there is no file.
+    /// One per held-out clip, `[T, 68, 3]` metres; `None` where there is no file.
     pub motions: Vec<Option<Array3<f64>>>,
 }
 
 impl Predictor {
-    /// What `speak` makes of every clip.
+    /// Predicts the motion of every clip with `speak`.
     fn of_all(
         name: impl Into<String>,
         corpus: &Corpus,
@@ -49,17 +49,17 @@ impl Predictor {
     }
 }
 
-/// Clips with a motion for each.
+/// Clips, each with its motion.
 pub(super) type Pairs<'a> = Vec<(&'a Clip, &'a Array3<f64>)>;
 
-/// A corpus and what all predictors make of it.
+/// A corpus and the motion that all predictors give for it.
 pub(super) struct Performed {
     pub corpus: Corpus,
     pub predictors: Vec<Predictor>,
 }
 
 impl Performed {
-    /// The clips that a predictor has, with its motion.
+    /// The clips for which a predictor has motion, each with this motion.
     pub(super) fn of<'a>(
         &'a self,
         predictor: &'a Predictor,
@@ -68,8 +68,8 @@ impl Performed {
         both.filter_map(|(clip, motion)| Some((clip, motion.as_ref()?)))
     }
 
-    /// The recording, where there is one, then all predictors that move, each as pairs of clip and
-    /// motion.
+    /// The recording, where there is one, then all predictors but the constant one, each as pairs
+    /// of clip and motion.
     pub(super) fn with_recording(&self) -> Vec<(&str, Pairs<'_>)> {
         let clips = || self.corpus.held_out.iter();
         let recorded = (RECORDED, clips().map(|c| (c, &c.motion)).collect());
@@ -79,14 +79,15 @@ impl Performed {
         start.into_iter().chain(others).collect()
     }
 
-    /// The model's motion of every clip.
+    /// The model's motion for every clip.
     pub(super) fn model(&self) -> Pairs<'_> {
         let model = self.predictors.iter().find(|p| p.name == MODEL);
         model.map(|p| self.of(p).collect()).unwrap_or_default()
     }
 }
 
-/// The model with the request for it, and where the other predictors lie.
+/// What to evaluate: the model, the request to it, other systems, and a folder of predictors from
+/// files.
 pub(super) struct Evaluation<'a> {
     pub speaker: &'a Speaker,
     /// Other systems by name.
@@ -98,7 +99,8 @@ pub(super) struct Evaluation<'a> {
 }
 
 impl Evaluation<'_> {
-    /// All predictors on `corpus`; `fallback` are baselines for a corpus without training clips.
+    /// Runs all predictors on `corpus`. `fallback` holds the baselines for a corpus without
+    /// training clips.
     pub(super) fn perform(
         &self,
         corpus: Corpus,
@@ -134,7 +136,7 @@ impl Evaluation<'_> {
         Ok(Performed { corpus, predictors })
     }
 
-    /// The model in the style that was asked for, and files.
+    /// Runs only the model in the requested style, other systems and predictors from files.
     pub(super) fn perform_plainly(&self, corpus: Corpus) -> Result<Performed> {
         let mut predictors = vec![self.model(&corpus)?];
         predictors.extend(self.other_systems(&corpus)?);
@@ -142,12 +144,12 @@ impl Evaluation<'_> {
         Ok(Performed { corpus, predictors })
     }
 
-    /// The model in the style that was asked for.
+    /// Runs the model in the requested style.
     fn model(&self, corpus: &Corpus) -> Result<Predictor> {
         Predictor::of_all(MODEL, corpus, |clip| self.speaker.speak(clip, self.wish))
     }
 
-    /// What other systems make of it as they come.
+    /// Runs the other systems with the same seed and otherwise their own defaults.
     fn other_systems(&self, corpus: &Corpus) -> Result<Vec<Predictor>> {
         let wish = Wish {
             seed: self.wish.seed,
@@ -159,13 +161,13 @@ impl Evaluation<'_> {
         predictors.collect()
     }
 
-    /// A corpus for which there are files alone; none where there are no files.
+    /// Runs only the predictors from files. `None` where there are no files.
     pub(super) fn files_alone(&self, corpus: Corpus) -> Result<Option<Performed>> {
         let predictors = self.read_files(&corpus)?;
         Ok((!predictors.is_empty()).then_some(Performed { corpus, predictors }))
     }
 
-    /// The predictors that have a file for some clip of `corpus`.
+    /// Reads the predictors that have a file for at least one clip of `corpus`.
     fn read_files(&self, corpus: &Corpus) -> Result<Vec<Predictor>> {
         let mut predictors = Vec::new();
         for folder in self.also.map(sub_folders).transpose()?.unwrap_or_default() {
@@ -190,7 +192,7 @@ fn sub_folders(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(folders)
 }
 
-/// `folder/<clip>.npz` for every clip that has one.
+/// Reads `folder/<clip>.npz` for every clip that has one.
 fn from_files(folder: &Path, clips: &[Clip]) -> Result<Vec<Option<Array3<f64>>>> {
     let read = |clip: &Clip| {
         let path = folder.join(format!("{}.npz", clip.name));
@@ -202,7 +204,7 @@ fn from_files(folder: &Path, clips: &[Clip]) -> Result<Vec<Option<Array3<f64>>>>
     clips.iter().map(read).collect()
 }
 
-/// Motion in canonical metres, at the clip's rate and as long as the clip.
+/// Reads motion in canonical metres and brings it to the clip's rate and length.
 fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
     let bad = |what: &str| Error::InvalidInput(format!("{}: {what}", path.display()));
     let file = read_landmark_motion(path)?;

@@ -1,9 +1,10 @@
-//! Blind reading: which emotion does somebody see who never saw ours?
+//! Blind reading: which emotion does an observer see who never saw our expressions?
 //!
-//! The reader is a linear discriminant that learned nothing but ICT's own expression modes, mixed at
-//! full strength as the Facial Action Coding System describes each emotion (Ekman & Friesen 1978),
-//! over mouths that speak, on heads of several sizes and shapes. It is shown stills of heads on which the engine
-//! performs an emotion at intensity 1, as motion of the mesh at the landmarks.
+//! The reader is a linear discriminant. It learned only from ICT's own expression modes, mixed at
+//! about full strength as the Facial Action Coding System describes each emotion (Ekman & Friesen
+//! 1978), over speaking mouths and on heads of several sizes and shapes. Then it is shown stills of
+//! heads on which the engine performs an emotion at intensity 1, as motion of the mesh at the
+//! landmarks.
 
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
@@ -21,7 +22,7 @@ use super::{
 use crate::face_model::IctLandmarks;
 use anyface::{Result, conditions::EMOTIONS};
 
-/// What the reader may answer, and the modes of each emotion: action units as ARKit names them.
+/// The reader's possible answers, and the modes of each emotion: action units by their ARKit names.
 const FACES: [(&str, &[&str]); 7] = [
     ("neutral", &[]),
     ("happy", &["cheekSquint", "mouthSmile"]),
@@ -45,27 +46,30 @@ const FACES: [(&str, &[&str]); 7] = [
     ),
     ("disgusted", &["noseSneer", "mouthFrown", "mouthLowerDown"]),
 ];
-/// The jaw of a still is mostly speech: full strength of its mode would be a yawn.
+/// Strength of the jaw's mode, whose full strength would be a yawn: most of the jaw's motion in a
+/// still is speech.
 const JAW_STRENGTH: f64 = 0.3;
 /// Examples of each answer.
 const EXAMPLES: usize = 300;
-/// Strength of a whole expression and of each mode in it, from and to.
+/// Range of the strength of a whole expression.
 const WHOLE: [f64; 2] = [0.75, 1.25];
+/// Range of the further factor on each mode in it.
 const EACH: [f64; 2] = [0.6, 1.4];
-/// Speech under it, and the size of the head.
+/// Range of the strength of the speech under it.
 const SPEECH: [f64; 2] = [0.0, 1.3];
+/// Range of the factor on the size of the head.
 const SIZE: [f64; 2] = [0.9, 1.1];
-/// Heads of other shapes move each landmark a little otherwise: standard deviation of a coordinate,
-/// millimetres. Without it the reader would trust in what is exact on ICT alone.
+/// Standard deviation of the noise on each coordinate, millimetres: heads of other shapes move each
+/// landmark a little differently. Without it the reader would rely on what is exact only on ICT.
 const OTHERWISE_MM: f64 = 1.0;
 const SEED: u64 = 0;
 const CLIPS: usize = 10;
-/// Stills of each clip, at equal distances.
+/// Stills of each clip, at equal intervals.
 const STILLS: usize = 3;
 const MM: f64 = 1000.0;
 const PER_CENT: f64 = 100.0;
 
-/// What was read on one head.
+/// The reader's answers on one head.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct HeadReading {
     pub head: &'static str,
@@ -74,18 +78,18 @@ pub(super) struct HeadReading {
     pub confusion: Vec<Vec<usize>>,
 }
 
-/// All heads together.
+/// The reader's answers on all heads.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Reading {
     pub answers: Vec<&'static str>,
     pub accuracy_percent: Option<Estimate>,
-    /// Accuracy on examples that the reader's own making gives anew.
+    /// Accuracy on fresh examples, made in the same way as those that the reader learned from.
     pub own_percent: f64,
     pub heads: Vec<HeadReading>,
 }
 
 impl Reading {
-    /// Heads on which most stills of an emotion are read as what they are.
+    /// Number of heads on which the right answer to an emotion is the most frequent one.
     pub(super) fn heads_read(&self, emotion: &str) -> usize {
         let place = self.answers.iter().position(|answer| *answer == emotion);
         let right = |head: &&HeadReading| {
@@ -100,8 +104,10 @@ impl Reading {
     }
 }
 
-/// `speech`: clips whose recorded motion stands under the reader's examples; `clips`: what the model
-/// performs.
+/// Measures how often the reader recognises the model's emotions.
+///
+/// `speech`: clips whose recorded motion lies under the reader's examples. `clips`: the clips that
+/// the model performs.
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
@@ -160,7 +166,7 @@ fn number(answer: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// Frames of one performance, `[stills, 68, 3]` metres.
+/// Evenly spaced frames of one performance, `[stills, 68, 3]` metres.
 fn stills(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Array3<f64>> {
     let motion = speaker.speak(clip, wish)?;
     let at = |k: usize| (k + 1) * motion.dim().0 / (STILLS + 1);
@@ -170,12 +176,12 @@ fn stills(speaker: &Speaker, wish: &Wish, clip: &Clip) -> Result<Array3<f64>> {
     Ok(stacked(&frames))
 }
 
-/// All coordinates `[204]` of millimetres.
+/// All coordinates `[204]` of a face, millimetres.
 fn features(face: ArrayView2<'_, f64>) -> Vec<f64> {
     face.iter().copied().collect()
 }
 
-/// Faces with their answers, millimetres.
+/// Example faces with their answers, millimetres.
 fn examples(
     ict: &IctLandmarks,
     speech: &[Clip],

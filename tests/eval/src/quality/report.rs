@@ -16,7 +16,7 @@ use super::{
     seeds::SEEDS,
 };
 
-/// What the first table shows beside r and slope of the features.
+/// Measures that the first table shows besides r and slope of the features.
 const GLANCE: [&str; 2] = ["lag_ms", "lve_root_mm"];
 
 /// The whole report; pictures are linked under `images`.

@@ -1,4 +1,4 @@
-//! One row of a table: what JSON calls a value stands beside what the page calls it.
+//! One row of a table. Each value comes with its key in JSON and its title on the page.
 
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
@@ -12,7 +12,7 @@ pub(super) struct Row {
 
 #[derive(Debug, Clone)]
 struct Cell {
-    /// None of what JSON has elsewhere.
+    /// `None` if JSON holds the value elsewhere.
     key: Option<&'static str>,
     title: &'static str,
     /// Decimals that the page shows.
@@ -20,7 +20,7 @@ struct Cell {
     value: Value,
 }
 
-/// What stands in a cell.
+/// Content of a cell.
 #[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub(super) enum Value {
@@ -52,7 +52,8 @@ impl Row {
         self
     }
 
-    /// The row of a table that shows several `groups`, which JSON has one by one.
+    /// Puts the name of the row's group in front, for a table that shows several groups. JSON lists
+    /// the groups one by one, so this cell is not part of it.
     pub(super) fn of_group(mut self, title: &'static str, group: &str) -> Row {
         let cell = Cell {
             key: None,

@@ -1,4 +1,4 @@
-//! What is measured on one clip, and the table of numbers that many clips give together.
+//! The measurements on one clip, and the table of scores over many clips.
 
 use std::collections::BTreeMap;
 
@@ -9,28 +9,28 @@ use crate::metrics::{self, LagCurve, Moments, Spectrum};
 use anyface::Result;
 
 const MM: f64 = 1000.0;
-/// Delays that are searched, in frames.
+/// Longest delay, either way, that is searched, in frames.
 const LAG_REACH: usize = 5;
-/// Frames of a segment of the spectrum: 2.6 s at 25 fps.
+/// Length of a segment of the spectrum, in frames: 2.6 s at 25 fps.
 pub(super) const SEGMENT: usize = 64;
 
-/// Numbers by the key of their measure.
+/// Scores by the key of their measure.
 pub(super) type Scores = BTreeMap<&'static str, Estimate>;
 
 /// One predictor on one clip; lengths in millimetres.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ClipScores {
     pub frames: f64,
-    /// Predicted and recorded, of each feature.
+    /// Moments of each feature, predicted and recorded.
     pub features: [Moments; features::COUNT],
     pub lag: LagCurve,
-    /// Seconds of a frame.
+    /// Length of a frame, seconds.
     pub frame_s: f64,
-    /// Of the gap, predicted and recorded, mm².
+    /// Spectra of the lip gap, predicted and recorded, mm².
     pub spectrum: [Spectrum; 2],
     pub lve_mm2: f64,
     pub mve_mm: f64,
-    /// Where brows were recorded.
+    /// `None` where neither brows nor eyes were recorded.
     pub fdd_mm2: Option<f64>,
     pub delta_cd: f64,
 }
@@ -47,7 +47,7 @@ pub(super) fn upper(n: usize) -> bool {
 impl ClipScores {
     /// `prediction`: `[T, 68, 3]` metres, as long as the clip.
     pub(super) fn new(clip: &Clip, prediction: metrics::Clip<'_>) -> Result<Self> {
-        // Only what the recording saw is judged.
+        // Judge only the landmarks and frames that the recording saw.
         let frames = Slice::from(clip.judged.clone());
         let judged_part = |motion: metrics::Clip<'_>| {
             let stretch = motion.slice_axis(Axis(0), frames);

@@ -1,8 +1,9 @@
 //! Long sounds are performed in overlapping windows: does the motion jerk where they meet?
 //!
 //! The same sound is performed twice, the second time after half a stride of silence, so that its
-//! windows meet elsewhere. At a seam of the first, the second has none, and the other way round;
-//! what one seam adds is the ratio of the two at the same frames of the same speech.
+//! windows meet elsewhere. Where the first performance has a seam, the second has none, and the
+//! other way round. The ratio of the two at the same frames of the same speech shows what one seam
+//! adds.
 
 use std::ops::Range;
 
@@ -25,7 +26,7 @@ use anyface::{
 /// Length of the sound, seconds.
 const LENGTH_S: f64 = 60.0;
 
-/// Motion where windows overlap against motion elsewhere; 1: no difference.
+/// Ratios of the motion where windows overlap to the motion elsewhere; 1 means no difference.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct SeamScores {
     pub seconds: f64,
@@ -40,7 +41,7 @@ pub(super) struct SeamScores {
     pub paired_acceleration: Option<Estimate>,
 }
 
-/// Root mean squares at one seam: of speed and of acceleration.
+/// Root mean squares of speed and acceleration at one seam.
 #[derive(Clone, Copy)]
 struct Seam {
     here: [f64; 2],
@@ -49,7 +50,7 @@ struct Seam {
     others: [f64; 2],
 }
 
-/// `clips`: as many as make up the length, in a row; none if they do not hold a seam.
+/// Measures the seams in `clips`, joined in a row up to `LENGTH_S`. `None` if there is no seam.
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
@@ -93,7 +94,7 @@ pub(super) fn measure(
     }))
 }
 
-/// Clips one after the other, each a whole number of frames long.
+/// Joins the clips, each cut to whole frames, up to `LENGTH_S`.
 fn in_a_row(clips: &[Clip], fps: f64) -> Waveform {
     let frame = (f64::from(SAMPLE_RATE_HZ) / fps).round() as usize;
     let most = (LENGTH_S * f64::from(SAMPLE_RATE_HZ)) as usize;
@@ -112,7 +113,7 @@ fn delayed(sound: &Waveform, by_s: f64) -> Waveform {
     Waveform { samples }
 }
 
-/// Frames that two windows share.
+/// Ranges of frames that two neighbouring windows share.
 fn seams(windows: Windows, frames: usize) -> Vec<Range<usize>> {
     let windows = windows.of(frames);
     windows

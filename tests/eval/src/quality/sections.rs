@@ -1,4 +1,4 @@
-//! Sections of the report on single things a face does.
+//! Sections of the report, each on one thing that a face does.
 
 use super::{
     bootstrap::number,

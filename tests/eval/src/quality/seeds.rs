@@ -1,4 +1,4 @@
-//! What the seed changes: how the face takes it, not whether the lips close.
+//! What the seed changes: it should vary the manner of a performance, not whether the lips close.
 
 use ndarray::Array3;
 
@@ -25,11 +25,12 @@ struct Record {
     upper_mm: f64,
     /// Pearson r of the lip gap between seeds, mean over pairs.
     gap_r: f64,
-    /// Largest difference between seeds of the smallest gap of one closure, mm; none without phone times.
+    /// Largest difference between seeds in the smallest gap of one closure, mm. `None` without
+    /// phone times.
     closure_mm: Option<f64>,
 }
 
-/// With the controls that a user gets who changes nothing.
+/// Measures with the default controls, as a user gets them.
 pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<Row> {
     let wish = &Wish {
         default_controls: true,
@@ -56,7 +57,7 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
         .with("closure_mm", "closures, mm", 2, closure_mm.reduce(f64::max)))
 }
 
-/// Largest difference between curves of the gap of the smallest value within one window, mm.
+/// Largest difference between the gap curves in their smallest value within one window, mm.
 fn closure_difference(gaps: &[Vec<f64>], fps: f64, windows: &[(f64, f64)]) -> Option<f64> {
     let closures_of_seeds: Vec<_> = gaps.iter().map(|gap| closures(gap, fps, windows)).collect();
     let each = (0..closures_of_seeds.first()?.len()).map(|k| {

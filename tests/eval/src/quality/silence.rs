@@ -17,23 +17,24 @@ use anyface::{
     mesh::ibug::LANDMARKS,
 };
 
-/// Shorter pauses do not count, seconds.
+/// Pauses shorter than this do not count, seconds.
 const PAUSE_S: f64 = 0.3;
-/// Lips close after a word and open before the next: this much at either end of a pause is left
-/// out of both, seconds.
+/// Lips close after a word and open before the next, so this much at either end of a pause counts
+/// neither as pause nor as speech, seconds.
 const MARGIN_S: f64 = 0.1;
 /// Level is measured in windows of this length, seconds.
 const LEVEL_S: f64 = 0.05;
-/// Silent: twice the quiet level, the clip's 10 % quantile, but within these shares of its loud
-/// level, the 95 % quantile: −35 to −25 dB.
+/// The limit of silence stays within these shares of the clip's loud level, its 95 % quantile:
+/// −35 to −25 dB.
 const SILENT_SHARE: (f64, f64) = (0.017_782_794, 0.056_234_133);
+/// The limit of silence is this many times the clip's quiet level, its 10 % quantile.
 const ABOVE_QUIET: f64 = 2.0;
 /// Length of the digital silence, seconds.
 const NOTHING_S: f64 = 4.0;
 const NOTHING_FPS: f64 = 25.0;
 const MM: f64 = 1000.0;
 
-/// The model in four seconds of zeros.
+/// How the model moves the lips in four seconds of zeros.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct DigitalSilence {
     pub mm_per_s: f64,
@@ -41,7 +42,8 @@ pub(super) struct DigitalSilence {
     pub offset_mm: f64,
 }
 
-/// Sums of squared speeds and their numbers, and gaps above rest in pauses, mm.
+/// One clip: squared speeds in pauses and in speech, each as sum and count, and gaps above rest in
+/// pauses, mm.
 #[derive(Default)]
 struct Record {
     gaps_mm: Vec<f64>,
@@ -50,7 +52,7 @@ struct Record {
     pauses_s: f64,
 }
 
-/// All predictors on all sources; clips without a pause are passed over.
+/// Measures all predictors on all sources. Clips without a pause are skipped.
 pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     for source in performed {
@@ -127,7 +129,7 @@ fn record(name: &str, clip: &Clip, motion: metrics::Clip<'_>) -> Result<Option<R
     Ok((out.pause.1 > 0.0 && out.speech.1 > 0.0).then_some(out))
 }
 
-/// From and to of the pauses of a clip, seconds: by its phones, else by its level.
+/// Start and end of each pause of a clip, seconds: by its phones, or by its level if it has none.
 fn pauses(clip: &Clip) -> Vec<(f64, f64)> {
     let quiet = match &clip.phones {
         Some(phones) => {
@@ -141,7 +143,7 @@ fn pauses(clip: &Clip) -> Vec<(f64, f64)> {
     quiet.into_iter().filter(long).collect()
 }
 
-/// What `spoken`, in order of time, leaves free of 0 to `end_s`.
+/// The stretches from 0 to `end_s` that `spoken`, in order of time, leaves free.
 fn between(spoken: &[(f64, f64)], end_s: f64) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
     let mut free_s = 0.0f64;
@@ -169,7 +171,7 @@ fn below_level(waveform: &Waveform) -> Vec<(f64, f64)> {
     between(&above, waveform.duration_s())
 }
 
-/// The model's lips over the middle half of digital silence.
+/// Measures the model's lips over the middle half of digital silence.
 pub(super) fn nothing(speaker: &Speaker, wish: &Wish) -> Result<DigitalSilence> {
     let count = (NOTHING_S * f64::from(SAMPLE_RATE_HZ)) as usize;
     let waveform = Waveform {

@@ -1,4 +1,5 @@
-//! The model as the report asks for it: one place where requests to the engine are made.
+//! The model under measurement. All of the report's requests to the engine are made in this one
+//! place.
 
 use std::path::PathBuf;
 
@@ -14,18 +15,18 @@ use anyface::{
     systems::Ability,
 };
 
-/// What a performance is asked to be; the default is neutral, as the model comes.
+/// What a performance should be like. The default is neutral, with the model's own settings.
 #[derive(Clone, Default)]
 pub(super) struct Wish {
     pub emotion: Emotion,
     pub seed: u64,
-    /// Denoising steps; none: the model's own.
+    /// Denoising steps; `None`: the model's own.
     pub steps: Option<usize>,
-    /// Speaking style; none: the model's default.
+    /// Speaking style; `None`: the model's default.
     pub style: Option<String>,
-    /// With all that a user gets who changes nothing; otherwise the model's own motion alone.
+    /// Uses the default controls, as a user gets them. Otherwise only the model's own motion.
     pub default_controls: bool,
-    /// What the face does and when, where the system shows that.
+    /// What the face does and when, for systems that can show it.
     pub events: Vec<Event>,
 }
 
@@ -37,7 +38,7 @@ pub(super) struct Speaker {
 }
 
 impl Speaker {
-    /// Motion of any length, `[T, 68, 3]` metres.
+    /// Motion for a sound of any length, `[T, 68, 3]` metres.
     pub(super) fn perform(
         &self,
         waveform: &Waveform,
@@ -53,12 +54,13 @@ impl Speaker {
         known.any(|known| known.name == control)
     }
 
-    /// Whether the emotion of a wish is shown: systems that hear emotion show what they hear.
+    /// Whether the system shows the emotion of a wish. Systems that hear emotion show what they
+    /// hear instead.
     pub(super) fn shows_emotion(&self) -> bool {
         !self.engine.system().can(Ability::Emotion)
     }
 
-    /// All that the engine performs.
+    /// The whole performance of the engine.
     pub(super) fn performance(
         &self,
         waveform: &Waveform,
@@ -99,7 +101,7 @@ impl Speaker {
         as_long_as(clip, self.perform(&clip.waveform, clip.fps, wish)?)
     }
 
-    /// What the causal stream makes of a clip's sound, as long as the clip.
+    /// Motion of the causal stream for a clip's sound, as long as the clip.
     pub(super) fn stream(&self, clip: &Clip) -> Result<Array3<f64>> {
         let request = MotionRequest {
             fps: clip.fps,
@@ -117,7 +119,8 @@ fn as_long_as(clip: &Clip, motion: Array3<f64>) -> Result<Array3<f64>> {
         .ok_or_else(|| Error::InvalidInput(format!("{}: no frame was made", clip.name)))
 }
 
-/// The first `frames` frames, the last one held where there are fewer; none of no frames.
+/// The first `frames` frames. Where there are fewer, the last one is held; `None` where there is
+/// nothing to hold.
 pub(super) fn fitted(motion: Array3<f64>, frames: usize) -> Option<Array3<f64>> {
     let length = motion.dim().0;
     if length >= frames {

@@ -1,4 +1,4 @@
-//! What the number of denoising steps buys.
+//! How quality and work depend on the number of denoising steps.
 
 use ndarray::Array3;
 

@@ -1,4 +1,4 @@
-//! Time and memory of speech to landmark motion.
+//! Measures the time and memory that it takes to turn speech into landmark motion.
 
 use serde::Serialize;
 
@@ -19,28 +19,28 @@ const SHORT_S: f64 = 5.0;
 const RUNS: usize = 5;
 const LONG_S: [f64; 3] = [60.0, 300.0, 1200.0];
 
-/// One length of sound.
+/// Time and memory for one length of sound.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Timed {
     pub sound_s: f64,
     /// Speech encoder and denoiser together, processor time of all threads; see [`Stopwatch`].
     pub work_s: f64,
-    /// The same by the clock on the wall.
+    /// The same in wall-clock time.
     pub elapsed_s: f64,
-    /// Largest memory of the process during this run, MiB, where the system tells.
+    /// Peak memory of the process during this run, MiB, where the system reports it.
     pub peak_mib: Option<f64>,
 }
 
-/// The times and what they say together.
+/// All runs, and the line through them.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Timing {
     pub threads: usize,
     pub runs: Vec<Timed>,
-    /// Seconds of work to a second of sound, and fixed seconds: least squares over the runs.
+    /// Seconds of work per second of sound, and fixed seconds of work: least squares over the runs.
     pub line: Option<[f64; 2]>,
 }
 
-/// Five seconds; with `long` also 1, 5 and 20 minutes.
+/// Times 5 seconds of sound; with `long` also 1, 5 and 20 minutes.
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
@@ -71,7 +71,7 @@ fn short(speaker: &Speaker, wish: &Wish, spoken: &[f32]) -> Result<Timed> {
         .collect::<Result<_>>()?;
     let elapsed: Vec<f64> = runs.iter().map(|run| run.elapsed_s).collect();
     Ok(Timed {
-        // A single run is too short for the system's count.
+        // A single run is too short for the system's count of processor time: take the mean.
         work_s: runs.iter().map(|run| run.work_s).sum::<f64>() / RUNS as f64,
         elapsed_s: quantile(&elapsed, 0.5),
         ..runs[RUNS - 1]
@@ -94,7 +94,7 @@ fn time(speaker: &Speaker, wish: &Wish, spoken: &[f32], sound_s: f64) -> Result<
     })
 }
 
-/// Slope and offset; none for fewer than three runs.
+/// Slope and offset; `None` for fewer than three runs.
 fn line(runs: &[Timed]) -> Option<[f64; 2]> {
     let count = runs.len() as f64;
     let mean = |of: fn(&Timed) -> f64| runs.iter().map(of).sum::<f64>() / count;

@@ -1,27 +1,29 @@
-//! The same words whispered and shouted, made of one recording.
+//! Makes a whisper and a shout of the same words out of one recording.
 //!
-//! Linear prediction (Atal & Hanauer 1971; Makhoul 1975) parts the sound into the mouth's resonances
-//! and what excites them. A whisper is the same mouth with noise for a voice. A shout has a higher
-//! voice, wider resonances and a flatter spectrum.
+//! Linear prediction (Atal & Hanauer 1971; Makhoul 1975) splits the sound into the mouth's
+//! resonances and the signal that excites them. A whisper is the same mouth with noise for a voice.
+//! A shout has a higher voice, higher resonances and a flatter spectrum.
 
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
 use super::random::normal;
 use anyface::audio::{SAMPLE_RATE_HZ, Waveform};
 
-/// Poles of the mouth.
+/// Number of poles that model the mouth.
 const ORDER: usize = 18;
-/// Length of a frame and its step, samples: 32 and 8 ms.
+/// Length of a frame, samples: 32 ms.
 const FRAME: usize = 512;
+/// Distance between frames, samples: 8 ms.
 const STEP: usize = 128;
-/// Share of a frame's power that is added to its autocorrelation at no lag, −40 dB.
+/// Share of a frame's power that is added to its autocorrelation at lag 0: −40 dB.
 const WHITE: f64 = 1e-4;
-/// How much higher the voice and the resonances of a shout are.
+/// Ratio of a shout's pitch to that of the recording.
 const PITCH: f64 = 1.4;
+/// Ratio of a shout's resonances to those of the recording.
 const RESONANCES: f64 = 1.15;
 /// A shout gains 6 dB an octave above this frequency, hertz.
 const TILT_HZ: f64 = 1000.0;
-/// The waveform's best continuation is looked for this far either way, samples.
+/// The search for the waveform's best continuation goes this far either way, samples.
 const REACH: usize = 160;
 const PEAK: f32 = 0.9;
 const SEED: u64 = 0;
@@ -66,13 +68,13 @@ fn loudest_at(samples: Vec<f64>) -> Waveform {
     }
 }
 
-/// Periodic Hann window; its steps of a quarter add up to 2.
+/// Periodic Hann window. Copies of it a quarter of a frame apart add up to 2.
 fn window(k: usize) -> f64 {
     0.5 - 0.5 * (std::f64::consts::TAU * k as f64 / FRAME as f64).cos()
 }
 
-/// Predictor `[ORDER]` of a frame and the root of the power that it leaves to a sample
-/// (Levinson & Durbin).
+/// Predictor `[ORDER]` of a frame, and the root mean square of its error per sample (Levinson &
+/// Durbin).
 fn predictor(frame: &[f64]) -> ([f64; ORDER], f64) {
     let at_lag = |lag: usize| -> f64 { frame.iter().zip(&frame[lag..]).map(|(a, b)| a * b).sum() };
     let lags: Vec<f64> = (0..=ORDER).map(at_lag).collect();
@@ -91,7 +93,8 @@ fn predictor(frame: &[f64]) -> ([f64; ORDER], f64) {
     (taps, (left / frame.len() as f64).sqrt())
 }
 
-/// A frame from sample `at` on, windowed; read at `speed`, around its middle, and silent outside.
+/// A windowed frame from sample `at` on. It is read at `speed` around its middle; outside the sound
+/// there is silence.
 fn frame_at(samples: &[f64], at: usize, speed: f64) -> Vec<f64> {
     let middle = (FRAME / 2) as f64;
     let read = |k: usize| {
@@ -101,7 +104,7 @@ fn frame_at(samples: &[f64], at: usize, speed: f64) -> Vec<f64> {
     (0..FRAME).map(read).collect()
 }
 
-/// The value between two samples; 0 outside.
+/// The interpolated value between two samples; 0 outside the sound.
 fn between(samples: &[f64], place: f64) -> f64 {
     if place < 0.0 || place >= samples.len() as f64 - 1.0 {
         return 0.0;
@@ -110,7 +113,7 @@ fn between(samples: &[f64], place: f64) -> f64 {
     samples[before] * (1.0 - share) + samples[before + 1] * share
 }
 
-/// What predictors of every frame leave over.
+/// The error of the predictors of all frames: the voice without the mouth's resonances.
 fn residual(samples: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; samples.len()];
     for at in (0..samples.len()).step_by(STEP) {
@@ -125,8 +128,8 @@ fn residual(samples: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Excitation of every frame, from `excite`, through the resonances of `samples`, moved up by
-/// `resonances`, as loud as the frame.
+/// Filters the excitation of every frame, from `excite`, through the resonances of `samples`, which
+/// become `resonances` times as high. Each frame gets the loudness of the original.
 fn through_resonances(
     samples: &[f64],
     resonances: f64,
@@ -151,7 +154,7 @@ fn through_resonances(
     out
 }
 
-/// Read `speed` times as fast: shorter and higher.
+/// Reads the samples `speed` times as fast, so that they become shorter and higher.
 fn faster(samples: &[f64], speed: f64) -> Vec<f64> {
     let count = (samples.len() as f64 / speed) as usize;
     (0..count)
@@ -159,8 +162,8 @@ fn faster(samples: &[f64], speed: f64) -> Vec<f64> {
         .collect()
 }
 
-/// As long as wanted at the same pitch: overlapping frames, each taken where it goes on best from the
-/// one before (Verhelst & Roelands 1993).
+/// Stretches the samples to `length` at the same pitch. It adds up overlapping frames, and takes
+/// each from where it best continues the one before (Verhelst & Roelands 1993).
 fn stretched(samples: &[f64], length: usize) -> Vec<f64> {
     let mut out = vec![0.0; length];
     let half = FRAME / 2;
@@ -186,7 +189,7 @@ fn stretched(samples: &[f64], length: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A voice of `hertz` through one resonance at 700 Hz, a second long.
+    /// One second of a voice of `hertz` through one resonance at 700 Hz.
     fn voice(hertz: f64) -> Waveform {
         let rate = f64::from(SAMPLE_RATE_HZ);
         let period = (rate / hertz) as usize;

@@ -11,19 +11,20 @@ use crate::metrics;
 use anyface::Result;
 
 const VOWELS: [char; 3] = ['i', 'u', 'a'];
-/// Shorter vowels have no middle to speak of, seconds.
+/// Vowels shorter than this are skipped, seconds: they hardly have a middle.
 const SHORTEST_S: f64 = 0.04;
-/// Fewer of one vowel are not compared.
+/// A source with fewer of any one vowel is left out.
 const LEAST: usize = 5;
 
-/// Of one clip: number and summed features of each vowel.
+/// Count and summed features of each vowel in one clip.
 #[derive(Default)]
 struct Record {
     counts: [usize; 3],
     sums: [[f64; features::COUNT]; 3],
 }
 
-/// Every source that is spoken only and has enough vowels, then all languages of espeak-ng together.
+/// Measures every source without recorded motion that has enough vowels, then all languages of
+/// espeak-ng together.
 pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     let mut all_records = Vec::new();
@@ -65,7 +66,8 @@ fn record(clip: &Clip, motion: metrics::Clip<'_>) -> Result<Record> {
     Ok(out)
 }
 
-/// The value of a curve at a frame number that need not be whole; ends are held.
+/// The value of a curve at a frame number that need not be whole. Beyond its ends, the end values
+/// hold.
 fn between_frames(curve: &[f64], frame: f64) -> f64 {
     let last = curve.len().saturating_sub(1);
     let frame = frame.clamp(0.0, last as f64);
@@ -74,7 +76,7 @@ fn between_frames(curve: &[f64], frame: f64) -> f64 {
     curve[before] * (1.0 - share) + curve[(before + 1).min(last)] * share
 }
 
-/// Numbers of i, u and a.
+/// How often i, u and a occur.
 fn counts(records: &[Record]) -> [usize; 3] {
     [0, 1, 2].map(|v| records.iter().map(|r| r.counts[v]).sum())
 }

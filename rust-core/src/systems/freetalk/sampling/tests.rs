@@ -62,7 +62,7 @@ impl Clip {
     }
 }
 
-/// Largest difference in units of the model's deviation, so that 1e-4 means the same everywhere.
+/// Compares the motion in units of the model's deviation, so that 1e-4 means the same everywhere.
 fn check_motion(golden: &Golden, model: &Ats, name: &str) {
     let clip = Clip::read(golden);
     let noise = |rows: Range<usize>| clip.noise.slice_axis(Axis(0), slice(&rows)).to_owned();

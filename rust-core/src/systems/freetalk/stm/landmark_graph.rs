@@ -1,10 +1,10 @@
-//! The graph of the 68 landmarks, and how each is told from the others.
+//! The graph of the 68 landmarks, and the encoding that tells each landmark from the others.
 
 use ndarray::{Array1, Array2};
 
 use crate::mesh::ibug::LANDMARKS;
 
-/// The nine iBUG curves: first, last, and whether they close.
+/// The nine iBUG curves: first landmark, last landmark, and whether the curve is closed.
 const CHAINS: [(usize, usize, bool); 9] = [
     (0, 16, false),
     (17, 21, false),
@@ -17,7 +17,7 @@ const CHAINS: [(usize, usize, bool); 9] = [
     (60, 67, true),
 ];
 
-/// Edges between curves, so that the graph is connected and a motion reaches its neighbours.
+/// Edges between curves, so that the graph is connected and motion spreads to neighbouring curves.
 #[rustfmt::skip]
 const BRIDGES: [(usize, usize); 27] = [
     (0, 17), (16, 26), (17, 36), (26, 45), (21, 22), (21, 27), (22, 27), (21, 39), (22, 42),
@@ -38,7 +38,7 @@ pub fn landmark_edges() -> Vec<(usize, usize)> {
     edges
 }
 
-/// Sine and cosine of `j / 10000^(2i/size)`, interleaved. `[N, size]`, size even.
+/// Sine and cosine of `j / 10000^(2i/size)`, interleaved, for landmark `j`. `[N, size]`, size even.
 pub fn index_encoding(size: usize) -> Array2<f32> {
     let frequency: Array1<f64> = (0..size)
         .map(|c| (-(10_000f64.ln()) * (c / 2 * 2) as f64 / size as f64).exp())

@@ -1,5 +1,6 @@
-//! Sparse-To-Mesh: FreeTalk's own decoder, run for every frame. The weights that are fixed for a mesh,
-//! which are the default, serve every system that gives landmarks: [`crate::deform::static_weights`].
+//! Sparse-To-Mesh: FreeTalk's own decoder, which runs on every frame. It is not the default: the
+//! default weights are fixed for a mesh and serve every system that outputs landmarks
+//! ([`crate::deform::static_weights`]).
 
 mod landmark_graph;
 pub mod paper;

@@ -1,19 +1,19 @@
 //! FreeTalk's own Sparse-To-Mesh decoder (Nocentini et al. 2026, section 3.2).
 //!
-//! Twin of `training/systems/freetalk/stm/paper.py`, attribute name for layer name.
+//! Twin of `training/systems/freetalk/stm/paper.py`, whose attributes have the names of the layers.
 //!
-//! A DiffusionNet reads the neutral mesh once; per frame a graph network reads the 68 landmark
-//! displacements, every vertex attends to the landmarks, and a second DiffusionNet turns vertex
+//! A DiffusionNet reads the neutral mesh once. In each frame, a graph network reads the 68 landmark
+//! displacements and every vertex attends to the landmarks. A second DiffusionNet then turns vertex
 //! feature, global displacement vector and attended feature into a displacement.
 //!
-//! What the paper leaves open and this file settles:
-//! - landmark graph: iBUG chains plus bridges ([`landmark_edges`]);
+//! The paper leaves these points open, and this file settles them:
+//! - landmark graph: iBUG chains plus bridges (`landmark_edges`);
 //! - index encoding: the sinusoidal one of Vaswani et al. 2017;
 //! - `phi` (eq. 12) is one linear layer; the attention has no output projection (eq. 14 has none);
-//! - units: positions and displacements come in decimetres, so that both are of order one.
+//! - units: positions and displacements are in decimetres, so that both are of order one.
 //!
-//! The first layer of the decoder is linear in its three inputs: the part of the vertex features is
-//! computed once per mesh, that of the displacement vector once per frame.
+//! The first layer of the decoder is linear in its three inputs. The contribution of the vertex
+//! features is thus computed once per mesh, and that of the displacement vector once per frame.
 
 use std::ops::Range;
 
@@ -39,12 +39,13 @@ use crate::{
     },
 };
 
-/// Most bytes of the features of frames that are decoded at once, and most frames.
+/// The most bytes that the features of frames decoded at once may take.
 const BATCH_BYTES: usize = 64 << 20;
+/// The most frames that are decoded at once.
 const MOST_FRAMES: usize = 8;
 /// Size of a displacement vector of all landmarks.
 const MOTION: usize = 3 * LANDMARKS;
-/// Channels of a vertex: position and normal.
+/// Input channels of a vertex: position and normal.
 pub(super) const INPUTS: usize = 6;
 
 /// Sizes of the decoder; `config.json` beside the weights.
@@ -107,7 +108,7 @@ pub struct PaperDecoder {
     key: Linear,
     value: Linear,
     decoder: DiffusionNet,
-    /// The decoder's first weight for the attended features, `[latent, width]`.
+    /// The part of the decoder's first weight for the attended features, `[latent, width]`.
     from_attended: Panels,
 }
 
@@ -132,7 +133,7 @@ struct FrameFeatures {
 }
 
 impl PaperDecoder {
-    /// From the bytes of `model.safetensors` and the text of `config.json`.
+    /// Loads the decoder from the bytes of `model.safetensors` and the text of `config.json`.
     ///
     /// # Errors
     /// `Weights` if either is damaged or they do not fit each other.
@@ -223,8 +224,8 @@ impl PaperDecoder {
             })
     }
 
-    /// By which share each vertex attends to each landmark (eq. 13), mean over the heads, `[T, V, 68]`: the
-    /// heat maps of figure 7.
+    /// The share with which each vertex attends to each landmark (eq. 13), averaged over the heads,
+    /// `[T, V, 68]`: the heat maps of figure 7.
     ///
     /// `landmarks`: `[T, 68, 3]`, displacements in decimetres.
     pub fn attention(&self, mesh: &MeshFeatures, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
@@ -242,14 +243,14 @@ impl PaperDecoder {
         out
     }
 
-    /// How many frames are decoded at once on a mesh of `vertices` vertices: their features fill at
-    /// most [`BATCH_BYTES`], or belong to one frame.
+    /// How many frames are decoded at once on a mesh of `vertices` vertices: at least one and at
+    /// most `MOST_FRAMES`. The features of several frames fill at most `BATCH_BYTES`.
     pub fn frames_at_once(&self, vertices: usize) -> usize {
         let bytes = size_of::<f32>() * self.config.width * vertices.max(1);
         (BATCH_BYTES / bytes).clamp(1, MOST_FRAMES)
     }
 
-    /// Graph network, index encoding and the projections of the attention, eqs. 12 and 13.
+    /// Runs the graph network, the index encoding and the attention's projections, eqs. 12 and 13.
     fn read_landmarks(&self, landmarks: ArrayView3<'_, f32>) -> Vec<FrameFeatures> {
         let (count, latent) = (landmarks.len_of(Axis(0)), self.config.latent);
         let nodes = self.graph_features(landmarks);
@@ -293,7 +294,7 @@ impl PaperDecoder {
         x.into_shape_with_order(shape).expect("row-major")
     }
 
-    /// The decoder's first layer on the displacement vectors. Returns `[T, width]`.
+    /// Applies the decoder's first layer to the displacement vectors. Returns `[T, width]`.
     fn motion_part(&self, landmarks: ArrayView3<'_, f32>) -> Array2<f32> {
         let (frames, width) = (landmarks.len_of(Axis(0)), self.config.width);
         let landmarks = landmarks.as_standard_layout();
@@ -306,7 +307,7 @@ impl PaperDecoder {
         out
     }
 
-    /// The decoder's first layer on some vertices, with the attention (eqs. 13, 14).
+    /// Applies the decoder's first layer to some vertices, with the attention (eqs. 13, 14).
     fn first_layer(
         &self,
         mesh: &MeshFeatures,

@@ -18,10 +18,11 @@ use crate::{
     operators::{NO_ROW, OperatorOptions, Operators},
 };
 
-/// How far from a landmark the network still works, canonical centimetres. It knows faces and heads: of a bust the first
-/// eigenfunctions tell shoulders apart and no lips, and the mouth opens half as wide.
+/// The network works only on skin within this distance of a landmark, canonical centimetres. It was
+/// trained on faces and heads. On a whole bust the first eigenfunctions separate the shoulders and
+/// not the lips, and the mouth opens half as wide.
 const REACH_CM: f64 = 9.0;
-/// Over so much of that motion fades.
+/// The motion fades out over the last part of this distance, canonical centimetres.
 const FADE_CM: f64 = 3.0;
 
 /// FreeTalk's decoder on one mesh; runs the network for every frame.
@@ -30,16 +31,17 @@ pub struct PaperFace {
     features: MeshFeatures,
     /// The skin within [`REACH_CM`], decimetres.
     surface: Surface,
-    /// `[R]`, of the motion that each row of that surface keeps: 1 but near its rim.
+    /// `[R]`, the share of its motion that each row of the surface keeps: 1 except near the rim.
     fade: Vec<f32>,
-    /// `[V, R]`, the rows of that surface that each vertex follows, and by which shares.
+    /// `[V, R]`, the rows of the surface that each vertex follows, and their shares.
     follows: Prolongation,
     to_canonical: Similarity,
 }
 
-/// Prepares the decoder for one face: operators and eigenbasis of the skin around it, which go into `cache`, and the
-/// features of the neutral mesh. Units and axes are those of the mesh. The face has no proxy, so the work covers every
-/// vertex there.
+/// Prepares the decoder for one face. Computes the operators and the eigenbasis of the skin near
+/// the landmarks, which go into `cache`, and the features of the neutral mesh. Units and axes are
+/// those of the mesh. The engine gives such a face no proxy, so the work covers every vertex of
+/// this skin.
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Cancelled`.
@@ -124,7 +126,7 @@ impl Deformer for PaperFace {
 }
 
 impl PaperFace {
-    /// Mesh displacements to canonical decimetres.
+    /// Converts mesh displacements to canonical decimetres.
     fn to_decimetres(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
         let scale = 10.0 * self.to_canonical.scale as f32;
         let mut out = landmarks.to_owned();
@@ -137,7 +139,7 @@ impl PaperFace {
         out
     }
 
-    /// Canonical decimetres to mesh displacements.
+    /// Converts canonical decimetres to mesh displacements.
     fn to_mesh(&self, decimetres: Array3<f32>) -> Array3<f32> {
         let metres = decimetres * 0.1;
         self.to_canonical.displacements_to_mesh(metres.view())
@@ -147,7 +149,7 @@ impl PaperFace {
 /// The skin within [`REACH_CM`] of the landmarks.
 struct SkinNearby {
     operators: Operators,
-    /// `[R]`, of the motion that each row keeps: 1 but near the rim.
+    /// `[R]`, the share of its motion that each row keeps: 1 except near the rim.
     fade: Vec<f32>,
 }
 
@@ -182,7 +184,7 @@ impl SkinNearby {
         Ok(SkinNearby { operators, fade })
     }
 
-    /// Position in decimetres and normal. `[R, 6]`.
+    /// Position in decimetres and normal of each row, `[R, 6]`.
     fn vertex_inputs(&self) -> Array2<f32> {
         let frames = self.operators.tangent_frames();
         let positions = &self.operators.positions;
@@ -192,7 +194,8 @@ impl SkinNearby {
         })
     }
 
-    /// `[V, R]`, the rows that each vertex of the mesh follows, and by which shares; none where one of them is beyond.
+    /// `[V, R]`, the rows that each vertex of the mesh follows, and their shares. A vertex that
+    /// follows any row outside this skin gets none.
     fn rows_followed(&self, face: &FaceSurface) -> Prolongation {
         let near = |(row, share): (usize, f32)| match self.operators.row_of_vertex[row] {
             NO_ROW => None,

@@ -1,4 +1,4 @@
-//! By which shares vertices attend to landmarks.
+//! The shares by which vertices attend to landmarks.
 
 use faer::MatRef;
 
@@ -9,8 +9,9 @@ use crate::nn::{
 
 /// `softmax(q kᵀ / √d)` over the landmarks of every vertex, eq. 13 of one head, as `[N, V]`.
 ///
-/// `query`: `[V, d]`; `key`: `[N, d]`. The vertices lie side by side, so that largest value, exponential and sum
-/// of many vertices are taken at once and no landmarks are left over.
+/// `query`: `[V, d]`; `key`: `[N, d]`. Neighbouring numbers of a row belong to different vertices,
+/// so vector instructions take the largest value, exponential and sum of many vertices at once. The
+/// number of landmarks need not be a multiple of the vector width.
 pub fn attention_shares(query: MatRef<'_, f32>, key: MatRef<'_, f32>) -> Vec<f32> {
     let vertices = query.nrows();
     let scale = 1.0 / (query.ncols() as f32).sqrt();

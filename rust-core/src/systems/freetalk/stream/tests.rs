@@ -1,4 +1,4 @@
-//! Facts about FreeTalk's streams; those of the network stand in `speech/causal`.
+//! Tests of FreeTalk's streams. Those of the network are in `speech/causal`.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,7 +22,7 @@ fn closures() -> Arc<CausalModel> {
     Arc::new(CausalModel::load(&files.weights, &files.config, CLOSURE_DIMS).unwrap())
 }
 
-/// One that every sound moves: the hum is no voice.
+/// A stream that every sound moves, because the voice gate would not let the hum pass.
 fn of(model: &Arc<CausalModel>) -> CausalStream {
     let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
     let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
