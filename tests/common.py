@@ -1,4 +1,4 @@
-"""What tests of several packages use: a voice, and the wheel."""
+"""Helpers for the tests of several packages: a voice, and the wheel."""
 
 import os
 import subprocess

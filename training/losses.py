@@ -58,7 +58,7 @@ def protrusion(motion: Tensor) -> Tensor:
 
 
 FEATURES = {"gap": lip_gap, "width": mouth_width, "chin": chin_drop, "protrusion": protrusion}
-"""Features that a viewer sees of a speaking mouth, each [..., 204] → [...] in the motion's unit."""
+"""Features of a speaking mouth that viewers see. Each maps [..., 204] → [...] in the motion's unit."""
 SHARES = {"gap": 1.0, "width": 0.7, "chin": 0.5, "protrusion": 0.5}
 
 

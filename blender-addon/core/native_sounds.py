@@ -14,7 +14,7 @@ from .native_shapes import Clip
 from .take import Animation, Request, Sound
 
 _PHONES, _WORDS, _MOUTHS = 0, 1, 2
-"""`AnyfaceTier` of the C interface."""
+"""The values of `AnyfaceTier` in the C interface."""
 # In the order of `AnyfaceMouths`.
 MOUTHS = ("rhubarb", "preston-blair")
 

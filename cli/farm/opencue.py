@@ -1,10 +1,10 @@
-"""The shots of a jobs file as a job of OpenCue, a chunk of rows a frame.
+"""The shots of a jobs file as an OpenCue job. Each frame runs a chunk of rows.
 
-    python submit.py            hands it in, to the Cuebot of CUEBOT_HOSTS
+    python submit.py            submits it to the Cuebot of CUEBOT_HOSTS
     python submit.py --print    prints the job's description instead
 
 It needs `pip install opencue-pyoutline`. `anyface batch --export opencue` fills in: name, program,
-arguments (the command of a node), rows, chunk (rows a frame), memory_mb, cores.
+arguments (the command of a node), rows, chunk (rows per frame), memory_mb, cores.
 """
 
 import shlex
@@ -19,15 +19,15 @@ ROWS, CHUNK = {{rows}}, {{chunk}}
 
 
 def build():
-    """The job: its rows, and a layer after them that writes the sum of all reports.
+    """Builds the job: the rows, then a layer that writes the sum of all reports.
 
-    That layer waits for frames that are dead: retry or eat them.
+    The last layer also waits for dead frames: retry or eat them.
     """
     job = outline.Outline("{{name}}")
     total = layer("sum", "1-1", 1, "--sum")
     whole = ROWS // CHUNK * CHUNK
-    # Many Cuebots give #FRAME_END# of a last chunk that is shorter as if it were whole, so what is
-    # left over is a layer of its own.
+    # Many Cuebots set #FRAME_END# of a shorter last chunk as if the chunk were full. So the rows
+    # that are left over get a layer of their own.
     for name, first, last in (("shots", 1, whole), ("rest", whole + 1, ROWS)):
         if first <= last:
             size = min(CHUNK, last - first + 1)
@@ -39,8 +39,9 @@ def build():
 
 
 def layer(name, frames, chunk, *words):
-    """A layer whose frames run the command with more words."""
-    # Cuebot replaces its tokens in the whole text, and the host gives that to a shell.
+    """A layer whose frames run the command with `words` appended."""
+    # Cuebot replaces its tokens in the whole text. The host then passes the text to a shell, so
+    # everything but the tokens is quoted.
     text = [word if word[0] == "#" else shlex.quote(word) for word in (*COMMAND, *words)]
     shell = Shell(
         name,

@@ -1,6 +1,6 @@
-"""Three talking heads and a talking Suzanne: scene and animation by the extension, as a .blend.
+"""Makes a .blend with three talking heads and a talking Suzanne, animated by the extension.
 
-Run by `cargo xtask demo` in Blender's Python module, and `render.py` after it.
+`cargo xtask demo` runs this in Blender's Python module, then `render.py`.
 """
 
 import argparse
@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-# Blender reads this once, at import: nothing of the user's own Blender is touched.
+# Blender reads this once, at import. The user's own Blender stays untouched.
 os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="anyface-demo-")
 
 import bpy  # noqa: E402
@@ -18,14 +18,14 @@ from mathutils import Vector  # noqa: E402
 
 SIZE = (1280, 720)
 SAMPLES = 1
-"""With the denoiser one ray a pixel is enough, and a frame takes 3.6 s of processor."""
+"""With the denoiser one ray per pixel is enough. A frame then takes 3.6 s of processor time."""
 CHARACTERS = {"WOMAN": (-2.75, 0.0, 0.0), "MAN": (-0.85, 1.3, 0.1), "CARTOON": (1.05, 0.0, 0.0)}
 HEIGHT = 3.2
 SUZANNE_PLACE = (2.85, 0.9, 0.55)
 FUR = (0.30, 0.16, 0.09, 1.0)
 HAPPY = ((0.0, 0.7), (0.3, 0.0), (0.8, 0.0), (1.0, 0.6))
 SURPRISED = ((0.35, 0.0), (0.6, 0.8), (0.85, 0.0))
-"""Weights of emotions over the sentence, whose length is 1."""
+"""Keys of each emotion as (time, weight). The sentence lasts from time 0 to 1."""
 EVENT, EVENT_AT = "wink", 0.88
 
 
@@ -74,14 +74,14 @@ def install(zip_path: Path) -> None:
 
 
 def stage(scene, fps: int) -> None:
-    """Camera, three lights, a plain background; Cycles on the CPU."""
+    """Sets up a camera, three lights, a plain background, and Cycles on the CPU."""
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = SAMPLES
     scene.cycles.max_bounces = 2
-    # With five lights picking them evenly is quicker.
+    # With only five lights it is faster to pick them evenly than by the light tree.
     scene.cycles.use_light_tree = False
-    # The quick denoiser takes a third of the time of the thorough one and looks the same here.
+    # The fast denoiser takes a third of the accurate one's time and looks the same here.
     scene.cycles.use_denoising = True
     scene.cycles.denoising_prefilter = scene.cycles.denoising_quality = "FAST"
     scene.render.use_persistent_data = True
@@ -109,7 +109,7 @@ def stage(scene, fps: int) -> None:
 
 
 def backdrop(scene) -> None:
-    """A wall far behind, dark at its rim."""
+    """Adds a wall far behind the heads, dark at its rim."""
     bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 14, 0), rotation=(math.radians(90), 0, 0))
     wall = bpy.context.object
     wall.data.materials.append(material("Wall", (0.055, 0.09, 0.14, 1.0), 0.9))
@@ -119,7 +119,7 @@ def backdrop(scene) -> None:
 def light(
     name: str, place: tuple, watts: float, size: float, colour: tuple, towards: tuple = (0, 0, 0)
 ) -> None:
-    """An area light that looks at a place, the middle of the stage."""
+    """Adds an area light that points at `towards`, by default the middle of the stage."""
     data = bpy.data.lights.new(name, "AREA")
     data.energy, data.size, data.color = watts, size, colour
     ob = bpy.data.objects.new(name, data)
@@ -130,21 +130,21 @@ def light(
 
 
 def sound(scene, path: Path) -> None:
-    """The recording as a strip, and the scene as long as it."""
+    """Adds the recording as a strip and makes the scene as long as the strip."""
     strip = add_strip(scene, "Voice", path, channel=1)
     scene.frame_start, scene.frame_end = 1, max(2, int(strip.frame_final_end))
     scene.sync_mode = "AUDIO_SYNC"
 
 
 def add_strip(scene, name: str, path: Path, channel: int):
-    """A strip of a sound from the first frame on."""
+    """Adds a sound strip that starts at frame 1."""
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences
     return strips.new_sound(name, str(path), channel=channel, frame_start=1)
 
 
 def suzanne(landmarks: Path):
-    """Blender's monkey with landmarks marked by hand, smooth."""
+    """Adds Blender's monkey, smoothed, with landmarks marked by hand."""
     bpy.ops.mesh.primitive_monkey_add(size=1.8, location=SUZANNE_PLACE)
     ob = bpy.context.object
     ob.data.materials.append(material("Fur", FUR, 0.6))
@@ -156,13 +156,13 @@ def suzanne(landmarks: Path):
 
 
 def character(key: str, place: tuple):
-    """One of *Add > Mesh > Anyface Sample Heads*."""
+    """Adds one of *Add > Mesh > Anyface Sample Heads*."""
     bpy.ops.anyface.add_sample_head(character=key, height=HEIGHT, location=place)
     return bpy.context.object
 
 
 def change_moods(ob, scene) -> None:
-    """Emotions whose weights change along the sentence, as an artist would key them, and one event."""
+    """Keys two emotions along the sentence, as an artist would, and turns on event markers."""
     face, start, length = ob.anyface, scene.frame_start, scene.frame_end - scene.frame_start
     face.emotion = "happy"
     for at, weight in HAPPY:

@@ -1,7 +1,7 @@
 """Renders a .blend: `render.py FILE.blend FOLDER STILL.png` writes FOLDER/####.png and one good still.
 
-Run by `cargo xtask demo` in Blender's Python module. The shapes and their keys are the file's own:
-nothing of the extension is needed.
+Run by `cargo xtask demo` in Blender's Python module. The file itself holds the shapes and their
+keys, so the extension is not needed.
 """
 
 import sys
@@ -11,11 +11,11 @@ from pathlib import Path
 import bpy
 
 STILL_AT, STILL_SAMPLES = 0.5, 10
-"""Of the length of the film."""
+"""Where in the film the still is taken, from 0 to 1, and how many samples it gets."""
 
 
 def main() -> None:
-    """Renders and says how long it still takes."""
+    """Renders all frames and the still, and prints the time left after each frame."""
     blend, folder, still = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
     bpy.ops.wm.open_mainfile(filepath=blend)
     scene = bpy.context.scene
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def render_still(scene, frame: int, path: str) -> None:
-    """One frame with more samples."""
+    """Renders one frame with more samples."""
     scene.frame_set(frame)
     scene.cycles.samples = STILL_SAMPLES
     scene.render.filepath = path

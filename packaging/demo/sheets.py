@@ -1,4 +1,4 @@
-"""Pictures of the pages, made as an artist would: by the extension in Blender.
+"""Makes the pictures of the pages as an artist would: with the extension in Blender.
 
     target/venvs/bpy/bin/python packaging/demo/sheets.py --extension target/anyface-….zip \
         --audio demo-output/voice.wav --out docs/images [--clips ../shared/data/speech/emodb_de] [SHEET …]
@@ -13,29 +13,30 @@ from pathlib import Path
 
 import make_demo
 
-# Which says where Blender keeps its settings before it loads it.
+# make_demo sets where Blender keeps its settings before it imports bpy.
 from make_demo import bpy
 
 FPS = 25
 SUZANNE = Path(__file__).with_name("suzanne_landmarks.json")
 CLOSE, CAMERA = (560, -0.3), {"WOMAN": (205, 0.25), "PLAIN": (250, 0.4), "SUZANNE": (250, 0.2)}
-"""Lens in millimetres and height of the camera, about the mouth and about a whole head."""
+"""The camera's lens in millimetres and its height, for the mouth and for a whole head."""
 ANYFACE_HEAD = (250, 0.2)
-"""The same about the whole of a head that *Anyface Head* makes."""
+"""The same for a whole head made by *Anyface Head*."""
 WIDTH = 220
-"""Of one picture in a sheet, pixels."""
+"""Width of one picture in a sheet, in pixels."""
 TRAITS, SLIDERS = {"age": 0, "sex": 1, "weight": 2, "african": 3, "asian": 4}, 22
-"""Places among the sliders of *Add > Mesh > Anyface Head*, and how many there are."""
+"""Indices among the sliders of *Add > Mesh > Anyface Head*, and the number of sliders."""
 RECORDINGS = ("03a01Wa.ogg", "03a02Fc.ogg", "03a04Ad.ogg", "03a02Ta.ogg")
-"""Anger, joy, fear and sadness of an actor of the Berlin Database of Emotional Speech."""
+"""Anger, joy, fear and sadness by one actor of the Berlin Database of Emotional Speech."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture: who is seen, what it does, and the second at which it is seen; None is at rest.
+    """One picture: a head, its performance, and the second that is shown. None shows it at rest.
 
-    `head` is "PLAIN", "WOMAN", "SUZANNE", the seed of a head, or the trait and value of an average one.
-    `events` are names, begins and lengths in seconds, `emotion_of` is a recording among the clips.
+    `head` is "PLAIN", "WOMAN", "SUZANNE", the seed of a generated head, or a trait and its value on
+    the average head. `events` are (name, begin, length) with times in seconds. `emotion_of` names a
+    recording among the clips.
     """
 
     head: str | int | tuple[str, float] = "PLAIN"
@@ -49,7 +50,7 @@ class Shot:
 
 
 def sheets() -> dict[str, list[list[Shot]]]:
-    """Rows of shots of each file."""
+    """The rows of shots for each file."""
     woman, cafe = Shot("WOMAN"), Shot(system="cafe-talk")
     smile = replace(cafe, events=(("smile", 1.0, 1.2),))
     wink = replace(cafe, events=(("wink", 1.0, 0.6),))
@@ -102,12 +103,12 @@ def sheets() -> dict[str, list[list[Shot]]]:
 
 
 def performance(shot: Shot) -> Shot:
-    """What a head does in a shot; shots of one performance need it once."""
+    """The part of a shot that decides its animation. Equal performances share one animation."""
     return replace(shot, second=None if shot.second is None else 0.0, is_close_up=False)
 
 
 class Studio:
-    """Blender with a stage on which one head stands and speaks at a time."""
+    """Blender with a stage on which one head at a time stands and speaks."""
 
     def __init__(self, extension: Path, audio: Path, clips: Path | None):
         make_demo.install(extension.resolve())
@@ -115,7 +116,7 @@ class Studio:
         self.performance: Shot | None = None
 
     def draw(self, shot: Shot, path: Path) -> None:
-        """Renders one shot; what the shot before has made stays where it serves this one, too."""
+        """Renders one shot. Reuses the previous shot's animation if the performance is the same."""
         if performance(shot) != self.performance:
             self._set(shot)
             if shot.second is not None:
@@ -156,7 +157,7 @@ class Studio:
 
 
 def head(which: str | int | tuple[str, float]):
-    """The head of a shot, its face in the middle of the stage."""
+    """Adds the head of a shot, with its face in the middle of the stage."""
     if which == "SUZANNE":
         ob = make_demo.suzanne(SUZANNE)
         ob.location, ob.scale = (0.0, 0.0, 0.2), (1.3,) * 3
@@ -174,12 +175,12 @@ def head(which: str | int | tuple[str, float]):
 
 
 def tile(folder: Path, columns: int, rows: int, out: Path) -> None:
-    """All pictures of a folder as one."""
+    """Joins all pictures of a folder into one."""
     out.parent.mkdir(parents=True, exist_ok=True)
     command = ["ffmpeg", "-y", "-loglevel", "error", "-i", str(folder / "%03d.png")]
     tiled = f"tile={columns}x{rows}:padding=2"
     if out.suffix == ".png":
-        # Skin before a wall needs no more colours than a palette has.
+        # The colours of skin in front of a wall fit into one palette.
         tiled += ",split[a][b];[a]palettegen[p];[b][p]paletteuse=dither=none"
     subprocess.run([*command, "-vf", tiled, "-frames:v", "1", "-q:v", "3", str(out)], check=True)
 

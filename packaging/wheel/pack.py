@@ -1,7 +1,7 @@
-"""Packs the wheel: the public package, what it reaches of the extension's core, and the library.
+"""Packs the wheel: the public package, the extension's core modules that it needs, and the library.
 
-Called by `cargo xtask wheel`, which builds the library and knows the platform's tag. Same input, same
-bytes: names are sorted and dated alike.
+Called by `cargo xtask wheel`, which builds the library and knows the platform's tag. The same input
+gives the same bytes: files are sorted by name and all have the same date.
 """
 
 import argparse
@@ -21,7 +21,7 @@ EXECUTABLE, PLAIN = 0o100755 << 16, 0o100644 << 16
 
 
 def core_of(package: Path, core: Path) -> list[Path]:
-    """The modules of `core` that those of `package` import, directly or through one another."""
+    """The modules of `core` that `package` imports, directly or through other modules of `core`."""
     waiting = [name for path in package.glob("*.py") for name in imported(path, "core")]
     modules: dict[str, Path] = {"__init__": core / "__init__.py"}
     while waiting:
@@ -49,14 +49,14 @@ def imported(path: Path, package: str) -> list[str]:
 
 
 def metadata(version: str) -> str:
-    """What pip reads of the package; the page for users is its description."""
+    """The package's metadata for pip. Its description is the documentation page for users."""
     head = (ROOT / "packaging/wheel/METADATA.in").read_text(encoding="utf-8")
     page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
     return head.replace("@VERSION@", version) + page
 
 
 def contents(libraries: list[Path], version: str, tag: str) -> dict[str, bytes]:
-    """The files of the wheel by name, without the list of them."""
+    """The files of the wheel by name, without RECORD, which lists them."""
     files = {f"anyface/{path.name}": path for path in [*PACKAGE.glob("*.py"), PACKAGE / "py.typed"]}
     files |= {f"anyface/core/{path.name}": path for path in core_of(PACKAGE, CORE)}
     files |= {f"anyface/lib/{library.name}": library for library in libraries}
@@ -70,7 +70,7 @@ def contents(libraries: list[Path], version: str, tag: str) -> dict[str, bytes]:
 
 
 def record(files: dict[str, bytes], name: str) -> bytes:
-    """The list of all files with their digests, itself without one."""
+    """The list of all files with their digests. Its own entry has no digest."""
     lines = []
     for path, content in sorted(files.items()):
         digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
@@ -79,7 +79,7 @@ def record(files: dict[str, bytes], name: str) -> bytes:
 
 
 def write(files: dict[str, bytes], path: Path) -> None:
-    """A zip with the smallest packing; what lay there stays until it is whole."""
+    """Writes a zip with the best compression. An old file stays until the new one is complete."""
     partial = path.with_name(path.name + ".part")
     with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name, content in files.items():

@@ -1,8 +1,8 @@
-"""How long a batch takes whose processes do one shot each, and one whose processes do many.
+"""Times a batch with one shot per process, and a batch with many shots per process.
 
     ANYFACE_EXTENSION=the.zip python tests/addon/bench_batch.py --sound speech.wav --shots 300
 
-Each shot is that speech on the sample head, in a .blend of its own. Prints shots a minute.
+Each shot puts that speech on the sample head and saves its own .blend. Prints shots per minute.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def write_shot(extension: Path, path: Path) -> None:
-    """A .blend with the sample head."""
+    """Writes a .blend with the sample head."""
     sys.path.insert(0, str(extension))
     package = importlib.import_module("anyface_batch").load_extension().__name__
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -61,5 +61,5 @@ def write_shot(extension: Path, path: Path) -> None:
 if __name__ == "__main__":
     main()
     sys.stdout.flush()
-    # bpy 4.5 hangs while Python ends with an add-on's properties registered.
+    # bpy 4.5 hangs if Python ends while an add-on's properties are registered.
     os._exit(0)

@@ -1,14 +1,14 @@
-"""What the extension costs in Blender: lines of the tables of docs/measured/speed.md.
+"""Measures what the extension costs in Blender, for the tables of docs/measured/speed.md.
 
-The sliders' errors of docs/blender.md come with them.
+It also prints the sliders' errors for docs/blender.md.
 
 Run by `cargo xtask addon --bench` in Blender's Python module, on a zip with the optimised library.
-`ANYFACE_BLENDER` names an executable beside `enter` (packaging/chroot.sh): the numbers of a
-window are measured there. The head is the default one, cut finer and collapsed to `VERTICES`; the
-voice is flite's, reading `TEXT` over and over.
+If `ANYFACE_BLENDER` names an executable beside `enter` (packaging/chroot.sh), the numbers of a
+window are measured there. The head is the default one, subdivided and then decimated to `VERTICES`.
+The voice is flite's, which reads `TEXT` over and over.
 """
 
-# First of all: it gives Blender a folder of its own, which Blender reads once.
+# Import this first: it sets Blender's resource folder, which Blender reads only once.
 from conftest import PACKAGE, zip_path  # isort: skip
 
 import importlib
@@ -41,9 +41,9 @@ SHORT_S, LONG_S, ENDLESS_S = 5.0, 50.0, 300.0
 FPS, LONG_FPS = 24, 30
 VERTICES = 26_700
 TIMES = 3
-# Speech is generated and removed so often to see what memory stays.
+# Speech is generated and removed this many times, to see how much memory stays in use.
 CYCLES = 12
-# After these many seconds of work Esc is pressed.
+# Esc is pressed after this many seconds of work.
 ESC_AFTER_S = (0.3, 2.0, 6.0)
 TIMED = """
 import importlib, time
@@ -162,7 +162,7 @@ def timed(into: list):
 
 
 def headless(folder: Path) -> None:
-    """In this process: long speech, playback, growth of the file."""
+    """Measures in this process: long speech, playback, growth of the file."""
     ob = long_head(folder)
     spent = []
     with timed(spent):
@@ -197,9 +197,9 @@ def long_head(folder: Path):
 
 
 def estimates(folder: Path) -> None:
-    """What the panel promises of each output, where it was made before, beside what it took."""
+    """For each output: the panel's estimate after a first run, beside the second run's time."""
     tried = [(mode, SHORT_S) for mode in ("basis", "frames", "cache", "keys", "arkit", "csv")]
-    # One key per frame of 1,500 frames is what nobody wants.
+    # Nobody wants one key per frame for 1,500 frames.
     tried += [(mode, LONG_S) for mode, _ in tried if mode != "frames"]
     for mode, length_s in tried:
         ob = long_head(folder)
@@ -217,14 +217,14 @@ def estimates(folder: Path) -> None:
 
 
 def sliders(folder: Path) -> None:
-    """How far a slider's face is from that of a new run, mm."""
+    """Prints how far the face that a slider makes is from that of a new run, in mm."""
     for head, rows in bench_sliders.measure(folder, empty).items():
         for case, (moved, mean, largest) in rows.items():
             line(f"{head}: {case}", f"{moved:.1f}", f"{mean:.3f}", f"{largest:.2f}")
 
 
 def cycles(folder: Path) -> None:
-    """Memory of this process after the first, the fourth and the last of many runs and removals.
+    """Prints this process's memory after the first, fifth and last of many runs and removals.
 
     The first third fills Blender's and Python's own pools.
     """
@@ -246,14 +246,14 @@ def resident_mb() -> float:
 
 
 def refusals() -> None:
-    """Meshes without a face."""
+    """Measures meshes without a face."""
     for vertices, refused_s, cancelled_s in bench_search.measure(empty):
         times = f"{refused_s:.1f} s", f"cancelled {cancelled_s:.2f} s"
         line(f"no face on {vertices} vertices: refused, longest to cancel", *times)
 
 
 def own_arkit_keys(ob) -> None:
-    """Gives `ob` the ARKit shapes as keys of the artist's."""
+    """Gives `ob` the ARKit shapes as if they were the artist's own keys."""
     ob.anyface.mode = "arkit"
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     del ob.data.shape_keys["anyface"]
@@ -261,7 +261,7 @@ def own_arkit_keys(ob) -> None:
 
 
 def words(ob) -> str:
-    """The line of the panel."""
+    """The estimate as the panel shows it."""
     module = importlib.import_module(f"{PACKAGE}.scene.outputs.estimate")
     output = importlib.import_module(f"{PACKAGE}.ui.output_properties").read(ob)
     seconds = importlib.import_module(f"{PACKAGE}.ui.audio").seconds(ob, bpy.context.scene)
@@ -269,14 +269,14 @@ def words(ob) -> str:
 
 
 def saved(folder: Path, name: str) -> int:
-    """Bytes of the file as it is now."""
+    """Size in bytes of the file as it is now."""
     path = folder / f"{name}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
     return path.stat().st_size
 
 
 def saved_without(folder: Path) -> int:
-    """Bytes of the file before anything was generated."""
+    """Size in bytes of the file before anything was generated."""
     return (folder / "without.blend").stat().st_size
 
 
@@ -291,7 +291,7 @@ def playback_ms() -> float:
 
 
 def with_window(blender: Path, zipped: Path, folder: Path) -> None:
-    """In a window that mouse and keys drive."""
+    """Measures in a window that mouse and keys drive."""
     install_in(blender, zipped, folder)
     screen = Screen(blender.with_name("enter"), blender, folder)
     try:
@@ -309,7 +309,7 @@ def with_window(blender: Path, zipped: Path, folder: Path) -> None:
 
 
 def presses(screen: Screen) -> None:
-    """Press of *Generate* to the result: a new mesh, then a known one."""
+    """Measures from the press of *Generate* to the result: first a new mesh, then a known one."""
     waited = []
     for _ in range(1 + TIMES):
         screen.hand("mousemove", *screen.find("anyface.generate"), "sleep", "0.3")
@@ -328,7 +328,7 @@ def presses(screen: Screen) -> None:
 
 
 def redraws(screen: Screen) -> None:
-    """The longest time in which Blender answers nothing while it draws the view once."""
+    """Measures the longest time that Blender does not respond while it draws the view once."""
     longest_s = []
     for _ in range(TIMES):
         screen.ask("stillness['longest_s'] = 0.0; area_of('VIEW_3D')[1].tag_redraw()")
@@ -338,7 +338,7 @@ def redraws(screen: Screen) -> None:
 
 
 def escapes(screen: Screen, folder: Path) -> None:
-    """Esc to the end of the job, pressed at several stages of a long sound."""
+    """Measures from Esc to the end of the job, at several stages of a long sound."""
     sound = str(folder / f"{ENDLESS_S:.0f}.wav")
     screen.ask(f"bpy.data.objects['Head'].anyface.sound_file = {sound!r}")
     module = "importlib.import_module('bl_ext.user_default.anyface.ui.running')"

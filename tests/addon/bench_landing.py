@@ -1,13 +1,13 @@
-"""How long Blender stands still while a take of ten minutes lands: one row for each of three takes.
+"""Times how long Blender freezes while it writes a ten-minute take; a row for each of three takes.
 
-`python tests/addon/bench_landing.py` measures the steps in Blender's Python module; where
-`ANYFACE_BLENDER` names an executable beside `enter`, also what a timer notices in its window:
-processor time of the interface's thread from one look to the next, with evaluation and undo, and as
-little as can be of drawing without a graphics card. The take is made up: 56 keys on 26,569 vertices
-with teeth, at 24 frames a second.
+`python tests/addon/bench_landing.py` measures the steps in Blender's Python module. If
+`ANYFACE_BLENDER` names an executable beside `enter`, a timer in its window measures too: the
+processor time of the interface's thread from one look to the next. That includes evaluation and
+undo, but as little drawing as possible, because there is no graphics card. The take is synthetic:
+56 keys on 26,569 vertices with teeth, at 24 frames a second.
 """
 
-# First of all: it gives Blender a folder of its own, which Blender reads once.
+# Import this first: it sets Blender's resource folder, which Blender reads only once.
 from conftest import PACKAGE, zip_path  # isort: skip
 
 import importlib
@@ -22,7 +22,7 @@ from pathlib import Path
 import bpy
 
 TAKES = 3
-# What the window runs first: the same head and the same take.
+# The window runs this first. It makes the same head and the same take.
 PREPARE = """
 import importlib, sys
 sys.path.insert(0, {folder!r})
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def install() -> None:
-    """The extension, in an empty file."""
+    """Installs the extension and opens an empty file."""
     bpy.ops.extensions.package_install_files(
         filepath=str(zip_path()), repo="user_default", enable_on_install=True
     )
@@ -64,7 +64,7 @@ def install() -> None:
 
 
 def in_module(folder: Path) -> None:
-    """Each step by the clock, without a window."""
+    """Times each step by the clock, without a window."""
     import bench_take
 
     def addon(name):
@@ -83,7 +83,7 @@ def in_module(folder: Path) -> None:
 
 
 def row(what: str, steps: list[float]) -> None:
-    """One line of a table: how many steps, the last one, the longest before it, all."""
+    """Prints a table row: the number of steps, the last one, the longest before it, their sum."""
     longest = 1000 * max(steps[:-1])
     print(
         f"| {what} | {len(steps)} steps | last {1000 * steps[-1]:.0f} ms | others {longest:.0f} ms "
@@ -93,7 +93,7 @@ def row(what: str, steps: list[float]) -> None:
 
 
 def in_window(blender: Path, folder: Path) -> None:
-    """What a timer in the window notices, from the press until all is drawn."""
+    """Measures with a timer in the window, from the press until everything is drawn."""
     from screen import Screen, install_in
 
     for name in ("bench_take.py", "figures.py"):

@@ -1,12 +1,12 @@
-"""What mending one word costs: *Redo* of half a second in a take of five, for every output.
+"""What mending one word costs: *Redo* of half a second in a take of five seconds, for every output.
 
-Run in Blender's Python module, on a zip with the library; the head is the default one, the voice
-flite's. The rig is the crude one of rigs.py; `events` are new keys of Cafe-Talk with four of them.
-Each line gives the shorter of two runs on the clock and the processor's time of it, all threads
-together.
+Run in Blender's Python module, on a zip with the library. The head is the default one, the voice
+flite's, the rig the crude one of rigs.py. The mode `events` makes new keys with Cafe-Talk and four
+events. Each line gives the clock time of the faster of two runs, and its processor time summed over
+all threads.
 """
 
-# First of all: it gives Blender a folder of its own, which Blender reads once.
+# Import this first: it sets Blender's resource folder, which Blender reads only once.
 from conftest import PACKAGE, zip_path  # isort: skip
 
 import importlib
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def measure(mode: str, folder: Path) -> None:
-    """Generates with an output and mends a word twice; checks that nothing outside changes."""
+    """Generates with an output, mends a word twice, and counts the frames outside that changed."""
     ob = character(mode, folder)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     scene = bpy.context.scene
@@ -64,7 +64,7 @@ def measure(mode: str, folder: Path) -> None:
 
 
 def character(mode: str, folder: Path):
-    """The default head in a new file, with what the output needs."""
+    """The default head in a new file, prepared for the output."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.render.fps = FPS
     ob = rigs.head()
@@ -82,7 +82,7 @@ def character(mode: str, folder: Path):
 
 
 def put_events(ob) -> None:
-    """Cafe-Talk, and four events above the voice, one of them in the stretch."""
+    """Selects Cafe-Talk and puts four events above the voice, one of them in the redone stretch."""
     scene = bpy.context.scene
     ob.anyface.system, ob.anyface_audio.event_channel = "cafe-talk", EVENT_CHANNEL
     for frame, text in ((10, "smile"), (35, "wink"), (FIRST, "jaw drop"), (80, "brow raise")):

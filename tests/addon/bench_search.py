@@ -1,6 +1,7 @@
-"""What it costs to refuse a mesh without a face, and to cancel that: docs/measured/speed.md.
+"""Times the search on meshes without a face, until it refuses them and until a cancel ends it.
 
-Part of `bench_blender.py`: balls with bumps, larger and larger.
+Part of `bench_blender.py`, for docs/measured/speed.md. The meshes are balls with bumps, each with
+more vertices than the one before.
 """
 
 import importlib
@@ -11,12 +12,12 @@ import bpy
 from conftest import PACKAGE
 
 SUBDIVISIONS = (6, 8)
-# A search is cancelled after these parts of its time.
+# Searches are cancelled after these shares of the time of a whole search.
 CANCELLED_AFTER = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95)
 
 
 def measure(empty):
-    """Of each ball: vertices, seconds to refuse it, the longest from cancel to the end."""
+    """Yields per ball: vertices, seconds to refuse it, longest time from cancel to the end."""
     for subdivisions in SUBDIVISIONS:
         empty()
         ob = ball(subdivisions)
@@ -35,13 +36,13 @@ def ball(subdivisions):
 
 
 def start(ob):
-    """A search in a thread."""
+    """Starts a search in a thread."""
     search = importlib.import_module(f"{PACKAGE}.ui.landmarks").search_of(ob)
     return importlib.import_module(f"{PACKAGE}.core.job").Job(search.work).start()
 
 
 def cancels(ob, whole_s):
-    """Seconds from cancel to the end, at several times."""
+    """Yields the seconds from cancel to the end, for cancels at several times."""
     for part in CANCELLED_AFTER:
         job = start(ob)
         time.sleep(part * whole_s)
@@ -50,7 +51,7 @@ def cancels(ob, whole_s):
 
 
 def ended(job):
-    """Seconds until it fails, as it must."""
+    """Waits until the job fails, as it must, and returns the seconds."""
     began = time.perf_counter()
     try:
         job.result()

@@ -1,6 +1,6 @@
-"""How near the sliders of a take come to a new run: docs/blender.md states the worst of it.
+"""Measures how close a take's sliders come to a new run. docs/blender.md states the worst errors.
 
-Part of `bench_blender.py`. Of each case the worst of two voices and two emotions is told.
+Part of `bench_blender.py`. Each case reports the worst of two voices and two emotions.
 """
 
 import itertools
@@ -16,7 +16,7 @@ SENTENCE = "The birch canoe slid on the smooth planks. Glue the sheet to the dar
 HEADS = ("default head", "head.ply")
 VOICES = ("slt", "rms")
 EMOTIONS = (("happy", 0.7), ("angry", 1.0))
-# What sliders are set to, as `anyface_output` names them.
+# The slider values of each case, by their names in `anyface_output`.
 CASES = {
     "as made": {},
     "articulation 0.5": {"articulation": 0.5},
@@ -30,8 +30,8 @@ CASES = {
     },
     "emotion 0, blinks 0": {"emotion": 0.0, "closing": 0.0},
 }
-# The same of takes without blinks: a new run with another emotion blinks at other times, which
-# would hide everything else.
+# The same for takes without blinks. A new run with another emotion blinks at other times, and that
+# would hide all other differences.
 WITHOUT_BLINKS = {
     "emotion 0": {"emotion": 0.0},
     "emotion 0.25": {"emotion": 0.25},
@@ -40,7 +40,10 @@ WITHOUT_BLINKS = {
 
 
 def measure(folder, empty):
-    """`{head: {case: (new run's largest, mean, largest)}}`, mm; `head.ply` lies in `folder`."""
+    """Returns `{head: {case: (largest motion of the new run, mean error, largest error)}}` in mm.
+
+    `head.ply` must be in `folder`.
+    """
     misses = {}
     for head, voice, emotion in itertools.product(HEADS, VOICES, EMOTIONS):
         empty()
@@ -69,7 +72,7 @@ def ready(folder, head, voice, emotion):
 
 
 def one_take(ob, cases, intensity):
-    """Of each case how far the new run moves the face, and the slider's mean and largest error."""
+    """Per case: how far the new run moves the face, and the slider's mean and largest error."""
     generate(ob, "basis")
     original, shown = whole(ob), {}
     for case, places in cases.items():
@@ -93,7 +96,7 @@ def one_take(ob, cases, intensity):
 
 
 def generate(ob, mode):
-    """A take in place of the one that is there."""
+    """Generates a take that replaces the current one."""
     ob.anyface.mode = mode
     assert bpy.ops.anyface.generate() == {"FINISHED"}
 
@@ -105,5 +108,5 @@ def whole(ob):
 
 
 def lengths_mm(a, b):
-    """Distances of vertices in metres, mm."""
+    """Distances in mm between vertices whose positions are in metres."""
     return 1000 * np.linalg.norm(a - b, axis=2)

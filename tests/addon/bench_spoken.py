@@ -1,10 +1,11 @@
-"""How long Blender's window stands still while a spoken take of the default head is written.
+"""Times how long Blender's window freezes while a spoken take of the default head is written.
 
-`ANYFACE_BLENDER=… python tests/addon/bench_spoken.py VOICE.wav`: all as a new user finds it, keys
-with names and few keyframes each. Processor time of the interface's thread, as in bench_landing.py.
+`ANYFACE_BLENDER=… python tests/addon/bench_spoken.py VOICE.wav` uses the settings as a new user
+finds them: keys with names and few keyframes each. It measures the processor time of the
+interface's thread, as bench_landing.py does.
 """
 
-# First of all: it gives Blender a folder of its own, which Blender reads once.
+# Import this first: it sets Blender's resource folder, which Blender reads only once.
 from conftest import ROOT, zip_path  # isort: skip
 
 import os

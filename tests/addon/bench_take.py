@@ -1,4 +1,4 @@
-"""The head and the long take of bench_landing.py, for Blender's module and for its window alike."""
+"""The head and the long take of bench_landing.py, for both Blender's module and its window."""
 
 import time
 from dataclasses import replace
@@ -14,7 +14,7 @@ _TEETH = 5
 
 
 def prepare(addon, folder: str):
-    """A head with teeth in the scene that hears a short tone, and a take of minutes for it."""
+    """Makes a head with teeth whose sound is a short tone, and a take of `MINUTES` for it."""
     bpy.context.scene.render.fps = FPS
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
@@ -27,7 +27,7 @@ def prepare(addon, folder: str):
 
 
 def _take(addon, vertices: int):
-    """A basis of noise over some minutes; every key moves in every frame."""
+    """A take of random motion, `MINUTES` long. Every key moves in every frame."""
     module, random = addon("core.take"), np.random.default_rng(1)
     weights = random.uniform(-1, 1, (MINUTES * 60 * FPS, KEYS)).astype(np.float32)
     vectors = random.normal(size=(KEYS, vertices, 3)).astype(np.float32) * 1e-3
@@ -36,7 +36,7 @@ def _take(addon, vertices: int):
 
 
 def landing(addon, head, take):
-    """The steps in which the take lands on the head."""
+    """The generator that writes the take onto the head in steps."""
     settings = addon("ui.settings").from_object(head)
     engine = addon("ui.running").engine(settings.system)
     bake = addon("scene.bake")
@@ -44,16 +44,16 @@ def landing(addon, head, take):
 
 
 def watch(addon, take, spent: list[float], looks: list[float]) -> None:
-    """From now on *Generate* lands `take` and notes in `spent` how long each slice took, seconds.
+    """From now on *Generate* writes `take` and appends the seconds of each slice to `spent`.
 
-    `looks` of `pulse` begin with the first slice.
+    `looks`, the list of `pulse`, starts anew at the first slice.
     """
     addon("scene.bake").Snapshot.work = lambda self, progress: take
     time_slices(addon, spent, looks)
 
 
 def time_slices(addon, spent: list[float], looks: list[float]) -> None:
-    """As `watch`, of whatever *Generate* makes."""
+    """As `watch`, but for whatever take *Generate* makes."""
     operators = addon("ui.operators")
     slice_of = operators.InThread._slice
 
@@ -70,8 +70,10 @@ def time_slices(addon, spent: list[float], looks: list[float]) -> None:
 
 
 def pulse() -> list[float]:
-    """A list that grows with the processor time of the interface's thread at each look of a timer,
-    seconds."""
+    """Starts a timer that notes the processor time of the interface's thread, in seconds.
+
+    Returns the list that the timer appends to.
+    """
     times = []
 
     def look():

@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Blender reads this once, at import: nothing of the user's own Blender is touched.
+# Blender reads this once, at import. The user's own Blender stays untouched.
 _RESOURCES = tempfile.mkdtemp(prefix="anyface-blender-")
 atexit.register(shutil.rmtree, _RESOURCES, ignore_errors=True)
 os.environ["BLENDER_USER_RESOURCES"] = _RESOURCES
@@ -24,7 +24,7 @@ os.environ.setdefault("XDG_CACHE_HOME", os.path.join(_RESOURCES, "cache"))
 
 import bpy  # noqa: E402
 
-# How the tests went, for the moment in which Python ends.
+# The tests' exit status, kept for the moment when Python ends.
 _status = 0
 
 PACKAGE = "bl_ext.user_default.anyface"
@@ -75,7 +75,7 @@ def addon():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_makereport(call):
-    """Ignores tests of sounds in a Blender without Audaspace, such as bpy 4.2 for Windows."""
+    """Skips tests of sounds in a Blender without Audaspace, such as bpy 4.2 for Windows."""
     if call.excinfo is not None and "without Audaspace" in str(call.excinfo.value):
         ignored = pytest.skip.Exception("ignored, this Blender has no Audaspace")
         traceback = call.excinfo.tb
@@ -83,13 +83,13 @@ def pytest_runtest_makereport(call):
 
 
 def pytest_sessionfinish(exitstatus):
-    """Remembers how the tests went."""
+    """Remembers the tests' exit status."""
     global _status
     _status = int(exitstatus)
 
 
 def pytest_unconfigure():
-    """Ends at once: bpy 4.2 crashes and bpy 4.5 may hang while Python ends after an add-on."""
+    """Exits at once: after an add-on, bpy 4.2 crashes and bpy 4.5 may hang while Python ends."""
     if bpy.app.version < (5, 0):
         shutil.rmtree(_RESOURCES, ignore_errors=True)
         sys.stdout.flush()

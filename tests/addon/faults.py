@@ -17,7 +17,7 @@ import figures
 from figures import Stage
 
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
-# Where a job hangs, its test fails instead.
+# If a job takes longer than this, it hangs, and its test fails.
 LIMIT_S = 20.0
 ERRORS = (
     lambda: MemoryError(),
@@ -33,7 +33,7 @@ ERRORS = (
     lambda: ZeroDivisionError("division by zero"),
     lambda: KeyError("co"),
 )
-# What catches exceptions cannot itself raise them, nor what Blender calls before a job is there.
+# Functions that get no faults: they catch exceptions, or Blender calls them before a job exists.
 _NET = {
     "errors.py": None,
     "way_back.py": None,
@@ -47,7 +47,7 @@ _HANDLERS = {"_on_frame", "_on_end", "_on_save", "_on_load", "_on_undo"}
 
 
 class Fault:
-    """Raises `error` at the call of that number of one function; without one it counts calls."""
+    """Raises `error` at the `number`th call of one function. Without a function it counts calls."""
 
     def __init__(self, folder, code=None, number=1, error=None):
         self.calls = Counter()
@@ -63,7 +63,7 @@ class Fault:
         threading.setprofile(None)
 
     def __call__(self, frame, event, _argument):
-        """What Python calls at each call."""
+        """Python calls this at each call of a function."""
         if event != "call":
             return
         code = frame.f_code
@@ -77,7 +77,7 @@ class Fault:
 
 
 def _in_handler(frame) -> bool:
-    """Whether Blender has called this for its own sake, and no job waits for it."""
+    """Whether the call comes from a handler that Blender runs by itself, so no job waits for it."""
     while frame is not None:
         if frame.f_code.co_name in _HANDLERS:
             return True
@@ -86,7 +86,7 @@ def _in_handler(frame) -> bool:
 
 
 def steps_of(calls: Counter, folder) -> list:
-    """The functions that a job has called in which something may break, and how often."""
+    """The functions that a job called and that may fail, and how often it called each."""
     return [(code, n) for code, n in calls.items() if _is_step(code)]
 
 
@@ -98,9 +98,9 @@ def _is_step(code) -> bool:
 
 
 def without_blender(cls, **options):
-    """An operator as a plain object, since only Blender makes real ones.
+    """An operator as a plain object, because only Blender can make real ones.
 
-    `messages` collects what it reports.
+    Its reports are collected in `messages`.
     """
     namespace = {name: value for name, value in vars(cls).items() if name not in _SLOTS}
     bases = tuple(base for base in cls.__bases__ if base is not bpy.types.Operator)
@@ -124,7 +124,7 @@ _SLOTS = {"__dict__", "__weakref__", "__slots__", "bl_rna", "__annotations__"}
 
 
 def _bound_to(function, cls):
-    """The same function, whose `super()` is that of another class."""
+    """A copy of the function whose `super()` is that of `cls`."""
     names = function.__code__.co_freevars
     cells = [
         types.CellType(cls) if name == "__class__" else cell
@@ -137,13 +137,13 @@ def _bound_to(function, cls):
 
 
 def _checked(text: str) -> str:
-    # As Blender does.
+    # Blender encodes its messages too.
     text.encode("utf-8")
     return text
 
 
 def press(operator, ob) -> tuple[str, object]:
-    """Runs an operator as under a window until it has ended; returns how, and the window."""
+    """Runs an operator to its end, as in a window. Returns its result and the window manager."""
     context = figures.window(ob)
     bpy.context.view_layer.objects.active = ob
     result, ends = operator.invoke(context, TIMER), time.monotonic() + LIMIT_S
@@ -151,7 +151,7 @@ def press(operator, ob) -> tuple[str, object]:
         assert time.monotonic() < ends, "the job never ends"
         time.sleep(0.001)
         result = operator.modal(context, TIMER)
-    # One that was cancelled takes its files back when it has seen it.
+    # The thread of a cancelled job removes its files once it notices the cancel.
     for thread in threading.enumerate():
         if thread.name == "anyface":
             thread.join(LIMIT_S)
@@ -160,7 +160,7 @@ def press(operator, ob) -> tuple[str, object]:
 
 
 class LiveFace:
-    """Stands for a face that follows its sound, or a microphone where it `listens`."""
+    """Stands in for a face that follows its sound, or a microphone if it `listens`."""
 
     name, is_lost, is_recording, delay_s = "Desk", False, False, 0.2
 
@@ -168,14 +168,14 @@ class LiveFace:
         self._count, self.listens = count, listens
 
     def feel(self, strengths):
-        """Feels nothing."""
+        """Ignores the strengths of emotions."""
 
     def record(self, frame):
-        """Keeps the frame."""
+        """Starts to record and keeps the frame."""
         self.is_recording, self._frame = True, frame
 
     def drop_recording(self):
-        """Keeps nothing any more."""
+        """Stops recording."""
         self.is_recording = False
 
     def recording(self):
@@ -184,15 +184,15 @@ class LiveFace:
         return sound, self._frame
 
     def at(self, seconds):
-        """All vertices moved alike."""
+        """The same displacement for all vertices."""
         return np.full((self._count, 3), 0.001, dtype=np.float32)
 
     def close(self):
-        """Nothing is held."""
+        """Has nothing to free."""
 
 
 class WholeStage(Stage):
-    """A stage that does all that the panel asks for."""
+    """A stage that can do everything the panel asks for."""
 
     def live(self, positions, *_):
         """A face that follows."""
@@ -203,7 +203,7 @@ class WholeStage(Stage):
         return LiveFace(len(positions), listens=True)
 
     def open_mouth(self, positions, triangles, *_):
-        """The mesh as it was: its lips part already."""
+        """The mesh unchanged, as if its lips could part already."""
         package = self.take_module
         vertices, faces = np.arange(len(positions)), np.arange(len(triangles))
         corners = np.tile(np.eye(3), (len(faces), 1, 1))
@@ -221,11 +221,11 @@ class WholeStage(Stage):
         )
 
     def open_eyes(self, positions, triangles, *marks_and_progress):
-        """The mesh as it was: its eyes blink already."""
+        """The mesh unchanged, as if its eyes could blink already."""
         return self.open_mouth(positions, triangles, *marks_and_progress)
 
     def head_like(self, positions, triangles, *_):
-        """The face itself."""
+        """Returns the face itself as its head."""
         module = importlib.import_module(f"{self.take_module.__package__}.native_head")
         head = module.MadeHead(
             np.array(positions)[:, [0, 2, 1]], np.array(triangles), np.arange(68), len(positions)
@@ -239,11 +239,11 @@ class WholeStage(Stage):
         return [(0.0, 0.2, rest), (0.2, 0.3, lips), (0.3, 0.5, rest)]
 
     def mask(self, positions, *_):
-        """Emotion is believed by half."""
+        """A mask of one half at every vertex."""
         return np.full(len(positions), 0.5, dtype=np.float32)
 
     def animate(self, *arguments):
-        """The motion of a stage, with a head that nods."""
+        """The motion of `Stage`, with a rotated head."""
         animation = super().animate(*arguments)
         frames = int(np.ceil(arguments[4].duration_s * arguments[5].fps))
         way = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Meshes, sounds and a stand-in for the library, for tests of what is around it."""
+"""Meshes, sounds and a stand-in for the library, for tests of the code around it."""
 
 import importlib
 import wave
@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 FPS = 24
-# Property groups of the panel, which up to 4.5 lie among the custom properties.
+# Property groups of the panel. Up to Blender 4.5 they lie among the custom properties.
 SETTINGS = {
     "anyface",
     "anyface_audio",
@@ -96,9 +96,9 @@ def basis(take_module, moved):
 
 
 def sliders(module, names, weights, knots=(0.0, 1.5)):
-    """Sliders that take away some weights `[T, K]` at their lower knot and add others above 1.
+    """Sliders that subtract `weights` `[T, K]`, with rolled columns, below 1 and add them above 1.
 
-    Those with blinks in their names have one knot and act in frames 10 to 14 alone.
+    A slider with "blinks" in its name has only the lower knot and acts only in frames 10 to 14.
     """
     changes_of = {}
     for number, name in enumerate(names):
@@ -114,20 +114,20 @@ def sliders(module, names, weights, knots=(0.0, 1.5)):
 class Stage:
     """Stands in for the native engine where only reading and writing are tested.
 
-    Moves every vertex by `motion`, and remembers what it was given.
+    Moves every vertex by `motion`, and remembers the arguments of its calls.
     """
 
     def __init__(self, take_module, decode=None, size=0.005, rank=6):
         self.take_module, self._decode = take_module, decode
         self.size, self.rank = size, rank
         self.calls, self.searches = [], []
-        # Names of sliders that the takes have.
+        # Names of the sliders that its takes have.
         self.sliders = ()
-        # The folder of its models: the built-in ones.
+        # The folder of its models. None means the built-in ones.
         self.models = None
 
     def animate(self, positions, triangles, points, numbers, sound, request, progress):
-        """The displacements of `motion` in the frame that was given."""
+        """Displacements of `motion`, as a basis if the request allows an error."""
         self.calls.append((positions, triangles, points, numbers, sound, request))
         progress.check("deform", 0.5)
         frames = int(np.ceil(sound.duration_s * request.fps))
@@ -145,7 +145,7 @@ class Stage:
         return animation
 
     def animate_stretch(self, positions, *arguments, rows):
-        """Some frames of `motion`, drawn from the seed of the request."""
+        """The frames `rows` of `motion` with the seed of the request."""
         *_, sound, request, _progress = arguments
         self.calls.append((positions, *arguments[:-1]))
         frames = int(np.ceil(sound.duration_s * request.fps))
@@ -159,7 +159,7 @@ class Stage:
         return np.array([[0.30, 0.38], [1.02, 1.06]])
 
     def listen_to_words(self, sound, text):
-        """The same; words of the text a quarter of a second each, from 0.25 s on."""
+        """The same intervals, and the words of the text, each 0.25 s long, from 0.25 s on."""
         words = [(0.25 * at, 0.25 * at + 0.25, word) for at, word in enumerate(text.split(), 1)]
         return self.listen(sound), words
 
@@ -168,11 +168,11 @@ class Stage:
         return np.array([[0.5, 0.75]])
 
     def closes_lips(self, label):
-        """True for the three that every list has."""
+        """True for the three sounds that every list has, and for their common mouth shape."""
         return label in ("p", "b", "m", "MBP")
 
     def find(self, positions, triangles, landmarks, numbers, fixed, roles, progress):
-        """The first 68 vertices, or what was given; landmarks beside fixed ones go half as far."""
+        """The first 68 vertices or the given landmarks. Those beside fixed ones go half as far."""
         self.searches.append((positions, landmarks, numbers, fixed, roles))
         if len(positions) < 68:
             errors = importlib.import_module(f"{self.take_module.__package__}.errors")
@@ -196,7 +196,7 @@ class Stage:
         return result(places, np.arange(68), sure, "slit", parts, owners)
 
     def rig(self, positions, triangles, points, numbers, roles, progress, by=None):
-        """The motion's own shapes as the first ARKit shapes; the others stay still."""
+        """The first ARKit shapes are the motion's, then their negatives; the others stay still."""
         progress.check("rig")
         import importlib
 
@@ -211,7 +211,7 @@ class Stage:
         return self.take_module.Rig(every, vectors)
 
     def solve(self, names, vectors, _lips, moved, progress, path="", fps=0.0):
-        """Weights of at least 0 by projected descent; with `path` a plain table."""
+        """Weights from 0 to 1 by projected descent. With `path` it also writes a plain table."""
         progress.check("solve")
         shapes = vectors.reshape(len(vectors), -1).astype(np.float64)
         right, gram = moved.reshape(len(moved), -1) @ shapes.T, shapes @ shapes.T
@@ -235,22 +235,22 @@ class Stage:
         return (data / 32768.0).astype(np.float32), float(rate), ""
 
     def is_damaged(self, path):
-        """What it cannot read is no sound."""
+        """False: a file that it cannot read counts as no sound at all."""
         return False
 
     def few_keys(self, weights, vectors, tolerance, touching, progress):
-        """None: every frame has a key."""
+        """Returns None: every frame has a key."""
 
     def few_keys_each(self, values, limits):
-        """The same for each."""
+        """Returns None for each curve: every frame has a key."""
         return [None] * len(limits)
 
     def close(self):
-        """Nothing is held."""
+        """Has nothing to free."""
 
 
 def stand_in(addon, engine=None):
-    """Puts `engine`, by default a new stage, in the place of the engine of every system."""
+    """Replaces the engine of every system by `engine`, or by a new stage."""
     engine = engine or Stage(addon("core.take"))
     names = [system.name for system in addon("core.systems").known()]
     keys = [(name, None, 0, None) for name in ("", *names)]
@@ -262,7 +262,7 @@ def everything():
     """All data-blocks, shape keys, values, curves, drivers and custom properties, as text rows."""
     rows = []
     for kind in ("objects", "meshes", "shape_keys", "actions", "sounds", "scenes", "texts"):
-        # What is known of a fault stays, whatever else goes back.
+        # The text about a fault stays, even if everything else is undone.
         for block in [one for one in getattr(bpy.data, kind) if one.name != "Anyface Fault"]:
             names = sorted(
                 set(block.keys()) - (SETTINGS if kind in ("objects", "scenes") else set())
@@ -330,14 +330,14 @@ def shape(ob, frame):
 
 
 def select(*objects):
-    """Selects these alone, the first one active."""
+    """Selects only these objects and makes the first one active."""
     for ob in bpy.context.view_layer.objects:
         ob.select_set(ob in objects)
     bpy.context.view_layer.objects.active = objects[0]
 
 
 def duplicate(*objects, linked=False):
-    """Shift-D, or Alt-D: the copies in the same order."""
+    """Duplicates as Shift-D does, or as Alt-D if `linked`. Returns the copies in the same order."""
     names = [ob.name for ob in objects]
     there = set(bpy.data.objects)
     select(*objects)
@@ -347,7 +347,7 @@ def duplicate(*objects, linked=False):
 
 
 def link_from_library(name, folder):
-    """The object of that name, linked into an empty file from the one that was open."""
+    """Saves the open file as a library and links its object `name` into an empty file."""
     path = str(folder / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -359,7 +359,7 @@ def link_from_library(name, folder):
 
 
 def window(ob=None):
-    """What an operator sees of a window with `ob`, or a new head; its manager counts its timers."""
+    """A window's context with `ob`, or with a new head. Its window manager counts the timers."""
     manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _operator: None)
 
     def add(_seconds, window):
@@ -376,7 +376,7 @@ def window(ob=None):
 
 
 def belongings(ob):
-    """All that `ob` shows and keeps, whatever it is called: keys, curves, takes, files, as text."""
+    """All that `ob` shows and keeps, as text without its name: keys, curves, takes, files."""
     rows = [f"delta {tuple(ob.delta_rotation_euler)} {tuple(ob.delta_location)}"]
     rows += [f"part {part.object}" for part in ob.anyface_face.parts]
     rows += _owned_curves(ob.animation_data)
@@ -385,7 +385,7 @@ def belongings(ob):
         if modifier.type == "MESH_CACHE":
             rows.append(_file(modifier.filepath))
     outputs = importlib.import_module("bl_ext.user_default.anyface.scene.outputs")
-    # A copy brings the note of a table along, and the table is the other's.
+    # A copied object also has the original's note of a table, but not the table itself.
     table = outputs.of("csv").find(ob)
     if table is not None:
         rows.append(_file(table))

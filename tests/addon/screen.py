@@ -1,4 +1,4 @@
-"""A Blender window on a display of its own, driven by mouse and keys and photographed."""
+"""A Blender window on a display of its own. Tests drive it by mouse and keys and photograph it."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 
 DRIVER = Path(__file__).with_name("window_driver.py")
 SIZE = (1280, 800)
-# Parts of the screen for the pages, width x height + left + top.
+# Parts of the screen that the pages show: width x height + left + top.
 HEAD_AND_SIDEBAR = "738x638+319+80"
 WITH_CHANNELS = "834x638+223+80"
 WITHOUT_PROPERTIES = "1057x748+0+28"
@@ -41,7 +41,7 @@ class Screen:
         }
         (folder / "driver.py").write_text(DRIVER.read_text())
         screen = ("-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-ac", "-nolisten", "tcp")
-        # The server takes a free display and writes its number.
+        # The server picks a free display and prints its number.
         command = [str(enter), "Xvfb", "-displayfd", "1", *screen]
         self._server = subprocess.Popen(
             command,
@@ -68,7 +68,7 @@ class Screen:
 
     def close(self) -> None:
         """Ends Blender and the display."""
-        # A server that is asked to end takes its socket away.
+        # SIGTERM, unlike SIGKILL, lets the server remove its socket.
         for process, end in ((self._blender, signal.SIGKILL), (self._server, signal.SIGTERM)):
             os.killpg(process.pid, end)
             process.wait()
@@ -91,19 +91,19 @@ class Screen:
         return result["answer"]
 
     def wait(self, code: str, patience_s: float = PATIENCE_S) -> float:
-        """Waits until the expression is true; returns after how many seconds it was."""
+        """Waits until the expression is true. Returns how many seconds that took."""
         began = time.monotonic()
         while not self.ask(f"answer = bool({code})"):
             assert time.monotonic() < began + patience_s, f"never true: {code}"
         return time.monotonic() - began
 
     def hand(self, *words) -> None:
-        """What xdotool does: `mousemove X Y`, `click 1`, `key ctrl+z` …"""
+        """Runs xdotool: `mousemove X Y`, `click 1`, `key ctrl+z` …"""
         command = [str(self.enter), "xdotool", *(str(word) for word in words)]
         subprocess.run(command, env=self.environment, check=True, capture_output=True)
 
     def photograph(self, path: Path, part: str | None = None) -> None:
-        """The screen as PNG, or a `part` of it in the 256 colours of a picture for the pages."""
+        """Saves the screen as PNG. A `part` of it, for the pages, gets only 256 colours."""
         shot = self.folder / "shot.png"
         crop = ["-crop", part, "+repage", "-colors", "256"] if part else []
         kind = "PNG8" if part else "PNG24"
@@ -113,16 +113,18 @@ class Screen:
         path.write_bytes(shot.read_bytes())
 
     def find(self, operator: str, share: float = 1 / 3) -> tuple[int, int]:
-        """Where the sidebar's button of an operator is, at a `share` of its width: Blender copies
-        a button's command to the clipboard on Ctrl C."""
+        """Where the button of an operator is, at a `share` of the sidebar's width.
+
+        It is found by Ctrl C, which copies a button's command to the clipboard.
+        """
         return self._find(operator, "ctrl+c", share)
 
     def find_slider(self, path: str) -> tuple[int, int]:
-        """Where the slider of a property is, by the end of the path that Blender copies."""
+        """Where a property's slider is. `path` is the end of the data path that Blender copies."""
         return self._find(path, "ctrl+alt+shift+c", 2 / 3)
 
     def scroll(self, button: int) -> None:
-        """Turns the wheel over the sidebar to its begin (4) or its end (5)."""
+        """Scrolls the sidebar by the mouse wheel to its top (4) or its bottom (5)."""
         x = self.ask("_, _, _, side = area_of('VIEW_3D')\nanswer = side.x + side.width // 2")
         for _ in range(16):
             self.hand("mousemove", x, SIZE[1] // 2, "click", button)

@@ -1,7 +1,9 @@
-"""Stands in for `blender -b --command anyface shot`: the real bpy and extension, a stage for the
-library. Each face that is begun leaves a file in `ANYFACE_TEST_MARKS`, takes `ANYFACE_TEST_S`
-seconds, and ends in a crash where the file `crash` lies there (once). Sounds are decoded by the
-library. A request of the seed `ANYFACE_TEST_KILL` kills the process.
+"""Stands in for `blender -b --command anyface shot`, with a stage instead of the library.
+
+bpy and the extension are real, and the library decodes the sounds. Each face leaves a file in
+`ANYFACE_TEST_MARKS` when it begins, and takes `ANYFACE_TEST_S` seconds. If a file `crash` lies in
+that folder, the face removes it and crashes. A request with the seed `ANYFACE_TEST_KILL` kills the
+process.
 """
 
 import importlib
@@ -22,7 +24,7 @@ from figures import Stage, stand_in  # noqa: E402
 
 
 class SlowStage(Stage):
-    """Tells that it has begun, and takes its time."""
+    """Marks that a face has begun, and takes its time."""
 
     def animate(self, *arguments):
         """As `Stage.animate`."""
@@ -36,7 +38,7 @@ class SlowStage(Stage):
         return super().animate(*arguments)
 
     def decode(self, path):
-        """As an engine does, without its models."""
+        """Decodes as an engine does, but without loading models."""
         native = addon("core.native")
         reader = native.Engine.__new__(native.Engine)
         reader._library = addon("core.library").load(addon("core.library").library_path())

@@ -1,4 +1,4 @@
-"""Several strips as one take, and what the panel says of a sound."""
+"""Several strips as one take, and what the panel says about a sound."""
 
 import bpy
 import numpy as np
@@ -16,7 +16,7 @@ def stage(addon):
 
 
 def level(path, value, seconds=1.0):
-    """A sound that holds one value."""
+    """Writes a sound that holds one value."""
     write_wav(path, np.full(int(seconds * RATE), value), RATE)
     return str(path)
 
@@ -26,12 +26,12 @@ def first_strip(tmp_path):
     try:
         return strip(level(tmp_path / "a.wav", 0.25), "One", 11, 1)
     except RuntimeError as error:
-        # Blender's module of 4.2 has no sound.
+        # Blender's Python module 4.2 has no sound.
         pytest.skip(str(error).strip())
 
 
 def two(tmp_path):
-    """A strip of value 0.25 at frame 11, one of 0.5 two seconds later, one of another channel."""
+    """A strip of value 0.25 at frame 11, one of 0.5 two seconds later, one on another channel."""
     first = first_strip(tmp_path)
     second = strip(level(tmp_path / "b.wav", 0.5), "Two", 11 + 2 * FPS, 1)
     other = strip(level(tmp_path / "c.wav", 0.9), "Music", 1, 2)

@@ -66,7 +66,7 @@ def test_the_library_sees_the_head_in_the_world(stage, tmp_path):
     assert points is None and numbers is None
     assert (request.seed, request.controls["steps"], request.fps) == (7, 4, 24.0)
     assert request.emotion == [(0.0, [0, 0.5] + [0] * 13)]
-    # A mirrored object turns the winding: the normal of the first triangle stays outside.
+    # A mirrored object gets its winding reversed: the first triangle's normal still points outside.
     first = ob.data.polygons[0]
     assert list(triangles[0]) != list(first.vertices)[:3]
     moved = shape(ob, 10) - shape(ob, 0)

@@ -10,7 +10,7 @@ FRAMES = 120
 
 
 def face():
-    """Landmarks of a face in metres, +x left, +y up, +z forward, and vertices about them."""
+    """Landmarks of a face in metres, +x left, +y up, +z forward, and vertices around them."""
     random = np.random.default_rng(3)
     marks = np.zeros((68, 3))
     turn = np.linspace(np.pi, 2.0 * np.pi, 17)
@@ -34,13 +34,13 @@ def face():
 
 
 def pulses(*frames):
-    """A control that comes and goes at some frames."""
+    """A control that pulses at some frames."""
     at = np.arange(FRAMES)[:, None]
     return np.exp(-((at - np.array(frames)) ** 2) / 12.0).sum(axis=1)
 
 
 def take(take_module, slider_module, marks, positions, seed, left_blink=1.0):
-    """A basis that mixes jaw, blinks and brows; returns it and what moves over time."""
+    """A basis that mixes jaw, blinks and brows. Returns it and each control's weights over time."""
     number = np.concatenate([np.arange(68), np.repeat(np.arange(68), 12)])
     chin = np.isin(number, [*range(4, 13), *range(55, 60), *range(65, 68)])
     right, left = np.isin(number, [37, 38]), np.isin(number, [43, 44])
@@ -86,7 +86,7 @@ def test_the_same_take_comes_in_keys_that_follow_their_controls(addon, parts):
     for name, column in (("jaw", 0), ("blink", 1), ("brows", 2)):
         weights = basis.weights[:, basis.names.index(name)]
         assert np.corrcoef(weights, over_time[:, column])[0, 1] > 0.99, name
-    # The key of the jaw moves no lid, and the other way round.
+    # The jaw key hardly moves the lids, and the blink key hardly moves the chin.
     far = np.abs(basis.vectors).max(axis=2)
     lids, chin = np.isin(np.arange(68), [37, 43]), np.isin(np.arange(68), [8])
     assert far[0, :68][lids].max() < 0.05 * far[0, :68][chin].max()

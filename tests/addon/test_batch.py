@@ -74,7 +74,7 @@ def test_a_batch_that_was_killed_is_resumed(floor):
         wait_gone(child)
     before = floor.ended()
     assert 1 <= sum(before.values()) < 4
-    # Killed between a report and its line in the history, a batch leaves out the line.
+    # If a batch is killed between a report and its line in the history, the line is missing.
     reported = {path.stem for path in floor.reports.glob("sh*.json")}
     code, text = floor.run("--workers", 2)
     assert code == 0, text

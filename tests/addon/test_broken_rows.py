@@ -1,6 +1,6 @@
-"""A batch in which some rows cannot be done, each for another reason: all others are.
+"""A batch in which rows fail, each for a reason of its own. All other rows still finish.
 
-`ANYFACE_BATCH=500,50` says how many rows there are, and how many of them are broken.
+`ANYFACE_BATCH=500,50` makes a batch of 500 rows, 50 of them broken.
 """
 
 import json
@@ -35,7 +35,7 @@ def floor(tmp_path, installed, monkeypatch):
 
 
 def hostile(kind: str, number: int, floor) -> str:
-    """A damaged file of that kind; a short one where the files of others are not here."""
+    """The path of a damaged file of this kind. Writes a short one if `HOSTILE` has none."""
     paths = sorted((HOSTILE / kind).glob(*{"audio": ["*.wav"], "mesh": ["*"], "json": ["*"]}[kind]))
     paths = [path for path in paths if path.name not in HARMLESS]
     if paths:
@@ -45,7 +45,7 @@ def hostile(kind: str, number: int, floor) -> str:
     return str(path)
 
 
-# Odd, but sounds.
+# Odd files that are valid sounds all the same.
 HARMLESS = (
     "ok.wav", "bits24_al4.wav", "bits8_f.wav", "len_max.wav", "oddlen.wav", "rate768k.wav",
     "align0.wav", "align_odd.wav", "ch65535.wav", "ch65535b.wav", "f32_3e38.wav", "len0_stream.wav",
@@ -54,7 +54,10 @@ HARMLESS = (
 
 
 def kinds(floor) -> list[tuple[str, object]]:
-    """What breaks a row, by the number of its turn, and the words that its report has."""
+    """The ways to break a row: a pattern that its report must match, and the change to the row.
+
+    The change is a function of how often this way was used before.
+    """
     folder = floor.folder
     write_wav(folder / "empty.wav", [], 16000)
     (folder / "cut.blend").write_bytes((folder / "shot.blend").read_bytes()[:4000])
@@ -90,11 +93,11 @@ def kinds(floor) -> list[tuple[str, object]]:
 
 
 def rows(floor) -> tuple[list, dict[int, str]]:
-    """The rows, and by number (from 1) the words of what is wrong with the broken ones."""
+    """All rows, and the error pattern of each broken row by its number (from 1)."""
     ways, shots, wrong, turn = kinds(floor), [], {}, 0
     for number in range(1, ROWS + 1):
         row = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}
-        # Spread out; the last ones are broken where there is no room.
+        # Spread the broken rows evenly. Break all remaining rows if otherwise too few would be.
         if turn < BROKEN and (number * BROKEN // ROWS > turn or ROWS - number < BROKEN - turn):
             words, change = ways[turn % len(ways)]
             change = change(turn // len(ways))
@@ -135,7 +138,7 @@ def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
         assert re.search(words, report["message"]), (row, report)
         assert "Traceback" not in report["message"] and report["exit_code"] not in (0, 2)
         assert f"{report['name']}: {report['message'][:40]}" in text
-        # A killed process alone cannot say what went wrong.
+        # Only a killed process may report an internal error, as it cannot say what went wrong.
         assert report["kind"] != "internal" or "kill" in words, report
     fresh = {path for path in files_in(floor.folder) if path not in before}
     fresh = {path for path in fresh if not path.startswith(("jobs.reports/", "marks/"))}
@@ -147,7 +150,7 @@ def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
 
 
 def _mended(floor, shots: list, wrong: dict, defaults: dict) -> None:
-    """A second run does those rows alone that were mended, and tries again what is broken."""
+    """Mends two rows and drops the other broken ones. A second run does only the mended rows."""
     mended = [number for number in wrong if isinstance(shots[number - 1], dict)][:2]
     for number in mended:
         keys = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}

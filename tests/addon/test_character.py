@@ -11,7 +11,7 @@ from figures import everything, grid, own_keys, shape, stand_in, tone
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -178,7 +178,7 @@ def test_a_message_that_no_face_was_found_offers_places(stage, addon):
 
 
 def with_teeth(ob, scale=0.1):
-    """Lower teeth beside the face, turned and scaled, as an object of their own."""
+    """Lower teeth as a separate object near the face, turned and scaled."""
     teeth = grid("Teeth_low", side=5, scale=scale)
     teeth.location, teeth.rotation_euler.z, teeth.scale = (0.0, 0.02, -0.03), 0.5, (2.0, 2.0, 2.0)
     bpy.context.view_layer.objects.active = ob
@@ -328,7 +328,7 @@ def test_teeth_that_were_not_taken_along_are_named(stage, tmp_path):
 
 
 def rigged(tmp_path, hang):
-    """A skinned head and teeth that `hang` on its bone, the rig turned and carried away."""
+    """A skinned head on a rig, and teeth that `hang(teeth, rig)` attaches. The rig is far away."""
     ob = speaking(grid(), tmp_path)
     teeth = grid("Teeth_lower", scale=0.02)
     teeth.location = (0.0, 0.03, -0.02)

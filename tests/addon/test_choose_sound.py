@@ -1,4 +1,4 @@
-"""*Choose a Sound File…* adds a strip that is heard, and the face follows it."""
+"""*Choose a Sound File…* adds a strip that is not muted, and the face speaks it."""
 
 import bpy
 import pytest
@@ -10,7 +10,7 @@ SECONDS = 1.0
 
 @pytest.fixture(autouse=True)
 def stage(addon, tmp_path):
-    """A stage in the engine's place, in a Blender that has sound."""
+    """A `Stage` that replaces the engine. Skips the test if this Blender has no sound."""
     try:
         strip(tone(tmp_path / "probe.wav"))
     except RuntimeError:
@@ -21,7 +21,7 @@ def stage(addon, tmp_path):
 
 @pytest.fixture
 def sound(tmp_path):
-    """A sound of a second."""
+    """A sound file of one second."""
     return tone(tmp_path / "voice.wav", SECONDS)
 
 
@@ -45,7 +45,7 @@ def test_a_scene_without_sequencer_gets_a_strip_that_is_heard(addon, stage, soun
     assert (ob.anyface.source, ob.anyface.strip) == ("STRIP", heard.name)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert stage.calls[-1][4].duration_s == pytest.approx(SECONDS, abs=1 / FPS)
-    # The take goes where the strip goes.
+    # When the strip moves, the next take moves with it.
     heard.frame_start += 10
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     curve, *_ = curves(ob.data.shape_keys.animation_data.action)

@@ -1,4 +1,4 @@
-"""No Python file of the extension imports itself through others."""
+"""No Python file of the extension imports itself through other files."""
 
 import ast
 from graphlib import CycleError, TopologicalSorter
@@ -8,10 +8,10 @@ import pytest
 
 
 def imported_files(path: Path, root: Path) -> set[Path]:
-    """The files of the package at `root` that one of them imports, inside functions too.
+    """The files of the package at `root` that the file `path` imports, inside functions too.
 
-    Python runs `__init__.py` of every package on the way, but those around the file itself are
-    running already.
+    Python runs the `__init__.py` of every package on the way. Those of the packages around `path`
+    are running already, so they are left out.
     """
     files = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -31,7 +31,7 @@ def imported_files(path: Path, root: Path) -> set[Path]:
 
 
 def circle(root: Path) -> list[str]:
-    """The files of one circle of imports, in their order; none where there is no circle."""
+    """The files of one circle of imports, in order. Empty if there is no circle."""
     graph = {path: imported_files(path, root) for path in root.rglob("*.py")}
     try:
         TopologicalSorter(graph).prepare()

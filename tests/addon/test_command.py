@@ -1,4 +1,4 @@
-"""The command, called in this process; the library is replaced by a stage."""
+"""Calls the command in this process. A `Stage` replaces the library."""
 
 import json
 
@@ -12,7 +12,7 @@ from test_heads import import_head
 
 @pytest.fixture
 def run(addon):
-    """`run("bake", …)` returns the exit code; `run.stage` is what stands in for the library."""
+    """`run("bake", …)` returns the exit code. `run.stage` replaces the library."""
     stage = stand_in(addon)
 
     def call(*words):
@@ -129,7 +129,7 @@ def test_rig_gives_the_shapes_of_arkit_as_keys(addon, tmp_path):
     assert [block.name for block in blocks[1:]] == list(addon("core.shapes").ARKIT)
     assert all(block.value == 0.0 for block in blocks[1:])
     rest, jaw = points(blocks[0]), points(blocks["jawOpen"])
-    # The chin goes down by centimetres, wherever the object's up is.
+    # `jawOpen` moves the chin by 1 to 5 cm, whichever axis of the object points up.
     down = np.linalg.norm(jaw - rest, axis=1).max() * ob.matrix_world.median_scale
     assert 0.01 < down < 0.05
     assert addon("command").main(words) == 5, "the artist has keys of these names now"

@@ -1,4 +1,4 @@
-"""A take on a rig beside the artist's own: nothing of his changes, and it goes without a trace."""
+"""A take on a rig that the artist animates: his work stays as it is, and Remove leaves no trace."""
 
 import re
 
@@ -27,7 +27,7 @@ class Waves(Stage):
     """Moves the mesh in long waves, which a few bones can follow."""
 
     def animate(self, positions, *rest):
-        """Displacements that are smooth in place and time."""
+        """Displacements that are smooth in space and time."""
         animation = super().animate(positions, *rest)
         moved = animation.displacements
         if moved is None:
@@ -41,7 +41,7 @@ class Waves(Stage):
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Waves` stage that replaces the engine."""
     return stand_in(addon, Waves(addon("core.take")))
 
 
@@ -52,7 +52,7 @@ def face(stage, tmp_path):
 
 
 def rigged(tmp_path):
-    """A grid on a rig of four bones on a root, one of them locked, with a tone to speak."""
+    """A grid on a rig (four bones under a root, one of them locked), with a tone to speak."""
     ob = grid()
     points = np.array([vertex.co for vertex in ob.data.vertices])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -91,7 +91,7 @@ def rig_of(ob):
 
 
 def state(ob):
-    """All that is in the file, what the rig plays, and how it stands."""
+    """All data in the file, the rig's animation, pose and properties, and the modifiers shown."""
     rig = rig_of(ob)
     poses = [tuple(map(tuple, bone.matrix_basis)) for bone in rig.pose.bones]
     shown = [(m.name, m.show_viewport) for m in ob.modifiers]
@@ -105,7 +105,7 @@ def generate():
 
 
 def remove():
-    """Presses Remove, and looks at the frame again."""
+    """Presses Remove, then sets the frame again so that the scene updates."""
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     bpy.context.scene.frame_set(START)
 
@@ -121,12 +121,12 @@ def test_no_control_moves_before_the_scene_begins(face):
 
 
 def shown(ob):
-    """The share of the motion, as the report says."""
+    """The share of the motion that the rig shows, read from the report."""
     return int(re.search(r"show (-?\d+)%", ob.anyface.report)[1]) / 100
 
 
 def key(rig, name, frames=(1, 40)):
-    """The artist animates a bone."""
+    """Animates a bone as the artist would."""
     bone = rig.pose.bones[name]
     for frame in frames:
         bone.location.x = 0.01 * frame

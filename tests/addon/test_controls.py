@@ -1,4 +1,4 @@
-"""Faces that are moved by rigs: what the output Rig Controls shows, and that it harms nothing."""
+"""Faces moved by rigs: how much motion the output Rig Controls shows, and that it harms nothing."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ import rigify_face
 import rigs
 from figures import curves, everything, film, write_wav
 
-# Many lips that close: p, b and m.
+# The lips close often in this sentence: p, b and m.
 SENTENCE = "Mama, please put my baby's blue book beside the big map."
 PAUSE_S = 0.4
 
@@ -36,7 +36,7 @@ def voice(tmp_path_factory):
 
 
 def ready(ob, path):
-    """A sound file at frame 1, 24 frames a second."""
+    """Sets a sound file that starts at frame 1, at 24 frames a second."""
     bpy.context.scene.render.fps = 24
     bpy.context.view_layer.objects.active = ob
     ob.anyface.source, ob.anyface.sound_file, ob.anyface.start_frame = "FILE", path, 1
@@ -50,7 +50,7 @@ def frames_of(path):
 
 
 def truth(ob, path):
-    """What Anyface does to the mesh, `[T, V, 3]`; nothing of it stays."""
+    """The motion that Anyface gives the bare mesh, `[T, V, 3]`. Removes the take again."""
     shown = [(m, m.show_viewport) for m in ob.modifiers]
     for modifier, _ in shown:
         modifier.show_viewport = False
@@ -73,14 +73,14 @@ def face_vertices(ob):
 
 
 def share(ob, true, shown):
-    """The share of the energy of the face's motion."""
+    """The share of the energy of the face's true motion that is shown."""
     some = face_vertices(ob)
     missed = ((true[:, some] - shown[:, some]) ** 2).sum()
     return 1.0 - missed / (true[:, some] ** 2).sum()
 
 
 def gaps(ob, moved):
-    """Distance of the inner lips `[T]` beyond that at rest."""
+    """How much farther apart the inner lips are than at rest, `[T]`."""
     points = rigs.positions(ob) + moved
     top, bottom = (rigs.LANDMARKS[n]["vertex"] for n in (62, 66))
     apart = np.linalg.norm(points[:, top] - points[:, bottom], axis=1)
@@ -89,7 +89,7 @@ def gaps(ob, moved):
 
 
 def closed(ob, target, shown):
-    """Of the moments at which the lips close, the share at which they do on the rig."""
+    """The share of the true lip closures at which the lips of the rig close too."""
     true, on_rig = gaps(ob, target), gaps(ob, shown)
     limit = 0.15 * np.quantile(true, 0.95)
     least = np.r_[False, (true[1:-1] <= true[:-2]) & (true[1:-1] < true[2:]), False]
@@ -99,7 +99,7 @@ def closed(ob, target, shown):
 
 
 def speak(ob, path):
-    """Generates on the controls; the motion of the evaluated mesh."""
+    """Generates on the controls. Returns the motion of the evaluated mesh."""
     ob.anyface.mode = "controls"
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
@@ -125,7 +125,7 @@ NO_NUMBERS = (
 
 @pytest.fixture
 def bone_that_drives():
-    """A head with a shape key whose driver reads the scale of a bone by its letter, and the rig."""
+    """A head and a rig. A driver of the head's shape key reads a bone's scale by axis letter."""
     ob = rigs.head()
     data = bpy.data.armatures.new("Rig")
     rig = bpy.data.objects.new("Rig", data)
@@ -181,7 +181,7 @@ def test_controls_on_twos_stand_still_until_the_next_pose(voice, addon):
     ob.anyface.curves, ob.anyface.pose_on = "HELD", 2
     shown = speak(ob, voice)
     steps = np.abs(np.diff(shown, axis=0)).max(axis=(1, 2))
-    # Poses begin at even frames of the take: between an even one and the next all stands still.
+    # A new pose begins at every even frame of the take and stays through the next odd frame.
     assert steps[0::2].max() < 1e-6 < 1e-3 < steps[1::2].max()
     assert len(curves(rig.animation_data.action)) > 10
 
@@ -233,13 +233,13 @@ def test_keys_of_vroid_speak_without_a_word(voice, addon):
     shares = share(ob, target, shown), closed(ob, target, shown)
     print("vroid", ob.anyface.mode, shares)
     assert ob.anyface.mode == "keys"
-    # Where lips meet, five vowels that only open leave the rest of the motion away.
+    # Five vowel keys can only open the mouth, so the other motion is lost while the lips meet.
     assert shares[0] > 0.84 and shares[1] >= 0.95
 
 
 @pytest.fixture
 def rigify():
-    """Blender's own Rigify."""
+    """Enables Blender's own Rigify."""
     if rigify_face.enable() is None:
         pytest.skip("this Blender has no Rigify")
     yield

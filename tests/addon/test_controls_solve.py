@@ -1,4 +1,4 @@
-"""The solve for the controls of a rig, on numbers whose answer is known."""
+"""Solves for the controls of a rig on numbers whose answer is known."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,12 @@ import pytest
 
 @pytest.fixture
 def solver(addon):
-    """The module."""
+    """The module under test."""
     return addon("core.controls_solve")
 
 
 def last(steps):
-    """What a solver returns."""
+    """Runs a solver to its end and gives its return value."""
     while True:
         try:
             next(steps)
@@ -20,13 +20,13 @@ def last(steps):
 
 
 def task(solver, target, controls, low=-10.0, high=10.0, **more):
-    """All points count alike."""
+    """A task in which all points have the same weight."""
     every = np.ones(target.shape[1])
     return solver.Task(target, every, np.full(controls, low), np.full(controls, high), **more)
 
 
 def waves(frames, controls, seed=0):
-    """Smooth values of at most 1."""
+    """Smooth values between -1 and 1."""
     random = np.random.default_rng(seed)
     time = np.linspace(0.0, 2 * np.pi, frames)[:, None]
     return np.sin(time * random.uniform(0.5, 3.0, controls) + random.uniform(0, 6, controls))
@@ -45,7 +45,7 @@ def test_a_motion_that_the_controls_make_is_found_again(solver):
 def test_limits_hold_and_the_others_make_up_for_them(solver):
     random = np.random.default_rng(2)
     directions = random.normal(size=(3, 30, 3))
-    # The third does nearly what the first does, and may go on where that must stop.
+    # The third control does nearly the same as the first and can go on past the first's limit.
     directions[2] = directions[0] + 0.05 * random.normal(size=(30, 3))
     target = np.tensordot(np.abs(waves(50, 3)) * [1.0, 1.0, 0.0], directions, axes=1)
     problem = task(solver, target, 3, low=0.0)

@@ -1,4 +1,4 @@
-"""Parts without Blender, as they lie in the installed zip."""
+"""Parts that need no Blender, as installed from the zip."""
 
 import ast
 import time

@@ -1,4 +1,4 @@
-"""Curves with few keys show what one key a frame shows."""
+"""Curves with few keys show the same motion as one key per frame."""
 
 import itertools
 import os
@@ -36,7 +36,7 @@ def engine(addon):
 
 
 def head(voice, mode="basis"):
-    """The default head that hears the voice."""
+    """The default head with the voice as its sound."""
     bpy.context.scene.render.fps = FPS
     bpy.ops.anyface.add_sample_head(height=HEIGHT)
     ob = bpy.context.object
@@ -82,7 +82,8 @@ def test_few_keys_show_the_take_within_the_tolerance(addon, voice, mode):
     print(f"{mode}: {few} keys of {many}, {off:.3f} mm off")
     assert few < many / 4
     assert off < TOLERANCE_MM + 0.01
-    # The take begins with the scene, in its first pose; behind it lies a key of rest.
+    # The take starts with the scene, in its first pose. Each curve ends with a key of rest, which
+    # the report does not count.
     inner = few - len(own_curves(ob))
     assert f"{inner} keys on curves, within 0.2 mm" in ob.anyface.report_details
 
@@ -118,10 +119,10 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     before, middle, many = film(ob, subframes), film(ob, [70]), count_keys(ob)
     ob.anyface.seed = 5
     assert bpy.ops.anyface.redo() == {"FINISHED"}, ob.anyface.report
-    # Named keys move farther than mixtures, against one another: so do the roundings of their cuts.
+    # Named keys move farther than mixtures and against each other, so rounding at cuts shows more.
     assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.02
     assert np.abs(film(ob, [70]) - middle).max() > 1e-4
-    # Cuts at both ends, and what is more to show.
+    # The redo adds keys at the cuts at both ends, and for the new motion.
     assert count_keys(ob) < 1.8 * many
 
 

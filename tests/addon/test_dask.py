@@ -42,7 +42,7 @@ class Cluster:
         )
 
     def close(self):
-        """Ends everything."""
+        """Kills all processes."""
         for process in [*self.workers, *self._processes]:
             process.kill()
             process.wait()
@@ -67,7 +67,7 @@ def test_every_shot_ends_once_though_a_worker_is_killed_at_work(floor, cluster):
     floor.write(6)
     batch = floor.start("--scheduler", cluster.address)
     floor.wait_begun(4)
-    # The one that began last has most of its work before it.
+    # The shot that began last has most of its work still to do.
     at_work, _ = floor.begun()[-1]
     victim = next(worker for worker in cluster.workers if worker.pid == at_work)
     victim.send_signal(signal.SIGKILL)

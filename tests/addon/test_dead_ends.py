@@ -1,4 +1,4 @@
-"""Where an artist used to be stuck: overrides, dialogue, names that change meanwhile."""
+"""Situations where artists used to get stuck: overrides, dialogue, names that change meanwhile."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ START = 5
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -65,14 +65,14 @@ def test_settings_of_an_override_are_kept(stage, tmp_path):
     assert not len(ob.modifiers) and not len(teeth.modifiers)
 
 
-# They show and change the take and have no value of their own.
+# These properties read and change the take. They store no value of their own.
 SLIDERS = {
     "strength", "shift", "articulation", "emotion", "closing", "mouth", "blinks", "brows", "mixed",
 }  # fmt: skip
 
 
 def dialogue(tmp_path):
-    """Two speakers who take turns: three strips of Anna's, one of Bob's."""
+    """Two speakers who take turns: three strips for Anna, one for Bob."""
     anna, bob = grid("Anna"), grid("Bob", 9)
     try:
         for number, (name, channel) in enumerate(
@@ -133,7 +133,7 @@ def test_keys_lie_on_whole_frames_at_the_ends_too(stage, tmp_path):
         for curve in curves(ob.data.shape_keys.animation_data.action):
             frames = np.array([point.co[0] for point in curve.keyframe_points])
             assert (frames == np.round(frames)).all()
-            # Nothing lies before the scene.
+            # No key lies before the first frame of the scene, so the first gap may be shorter.
             assert frames[1] - frames[0] >= min(0.15 * fps, frames[1] - 1)
             assert frames[-1] - frames[-2] >= 0.15 * fps
 

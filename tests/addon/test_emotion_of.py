@@ -1,4 +1,4 @@
-"""What is said and how it is felt as two layers, and the emotion of another recording."""
+"""Speech and emotion as two layers of a take, and emotion taken from another recording."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ FRAMES = range(START, START + int(SECONDS * FPS), 4)
 
 
 def voice(path, hertz, sway):
-    """A voice of a sort: a buzz whose pitch sways, in syllables."""
+    """A rough imitation of a voice: a buzz in syllables whose pitch sways."""
     rate = 16000
     time = np.arange(int(SECONDS * rate)) / rate
     turns = 2 * np.pi * np.cumsum(hertz * 2.0 ** (sway * np.sin(5.0 * time))) / rate
@@ -23,13 +23,13 @@ def voice(path, hertz, sway):
 
 @pytest.fixture
 def speaking(addon, tmp_path):
-    """The default head before its voice, with EmoFace."""
+    """The default head with the system EmoFace, about to speak the strip Calm."""
     ob = import_head()
     bpy.context.view_layer.objects.active = ob
     strip(voice(tmp_path / "calm.wav", 110.0, 0.02), "Calm", START)
     strip(voice(tmp_path / "wild.wav", 320.0, 0.5), "Wild", START, channel=2)
     ob.anyface.strip, ob.anyface.system, ob.anyface.mode = "Calm", SYSTEM, "basis"
-    # Layers are told apart more finely than few keys do.
+    # These tests compare layers more finely than curves with few keys are accurate.
     ob.anyface.curves = "EVERY"
     return ob
 
@@ -39,7 +39,7 @@ def generate(ob):
 
 
 def masked_keys(ob):
-    """The keys of what is felt."""
+    """The keys of the emotion layer, which a vertex group masks."""
     return [block for block in ob.data.shape_keys.key_blocks if block.vertex_group]
 
 
@@ -98,7 +98,7 @@ def test_another_strip_gives_the_emotion(addon, speaking):
     other = film(ob, FRAMES)
     felt_mm = 1000.0 * np.linalg.norm(other - own_film, axis=2)
     assert felt_mm.max() > 0.3
-    # What is said is the same.
+    # The speech layer is the same.
     ob.anyface_output.emotion = 0.0
     said = film(ob, FRAMES)
     ob.anyface_audio.emotion_strip = ""
@@ -106,7 +106,7 @@ def test_another_strip_gives_the_emotion(addon, speaking):
     ob.anyface_output.emotion = 0.0
     said_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - said, axis=2)
     assert said_mm.max() < 0.01
-    # A system that hears no emotion lets the strip be.
+    # A system that hears no emotion ignores the emotion strip.
     ob.anyface_audio.emotion_strip, ob.anyface.system = "Wild", "freetalk"
     generate(ob)
 
@@ -141,9 +141,9 @@ def test_a_take_starts_from_the_pose_of_the_current_frame(addon, speaking):
     generate(ob)
     joined = apart_mm(shape(ob, START), poses[end])
     assert joined < 1.5 < 3.0 < far, (joined, far)
-    # Within half a second the face is on its own way.
+    # Half a second later the face has left the pose from which it started.
     assert apart_mm(shape(ob, START + int(0.5 * FPS)), poses[end]) > 1.0
-    # A system that starts from rest lets it be.
+    # A system that always starts from rest ignores the setting.
     ob.anyface.system = "freetalk"
     generate(ob)
 
@@ -179,7 +179,7 @@ def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking
     heat = np.empty(4 * len(ob.data.vertices), dtype=np.float32)
     colours["Emotion Heat"].data.foreach_get("color", heat)
     heat = heat.reshape(-1, 4)
-    # Red about the brows, where emotion moves the face, and less at the lips.
+    # The map is redder at the brows, where emotion moves the face, than at the lips.
     places = np.array([vertex.co for vertex in ob.data.vertices])
     marks = landmarks_of(ob)
     near = lambda numbers: (  # noqa: E731
@@ -187,7 +187,7 @@ def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking
     )
     assert heat[near(range(17, 27)), 0].mean() > heat[near(range(48, 68)), 0].mean() + 0.05
     assert (heat[:, 3] == 1.0).all() and heat[:, :3].min() >= 0.0 and heat[:, :3].max() <= 1.0
-    # Again replaces, and hiding leaves the mesh as it was.
+    # A second press replaces the map. Hiding it restores the mesh.
     bpy.context.scene.frame_set(START + 35)
     assert bpy.ops.anyface.heat_map() == {"FINISHED"}
     assert {attribute.name for attribute in colours} == {"Mine", "Emotion Heat"}

@@ -1,4 +1,4 @@
-"""What was heard of an emotion: kept with the take, drawn once, and beside a neutral voice."""
+"""The emotion heard in a voice: kept with the take, drawn once, compared with a neutral voice."""
 
 import bpy
 import numpy as np
@@ -28,7 +28,7 @@ def generate(ob):
 
 @pytest.fixture
 def heard(addon):
-    """`heard(ob)` is what was heard in the take of `ob`; None where nothing was."""
+    """`heard(ob)` is the emotion heard in the take of `ob`, or None."""
 
     def of(ob):
         take_and_emotion = addon("ui.emotion_plot").heard(ob)
@@ -38,7 +38,7 @@ def heard(addon):
 
 
 def words(addon):
-    """The texts of the subpanel."""
+    """The texts of the emotion subpanel."""
     return [text for text, _ in draw_all(addon)["ANYFACE_PT_emotion"]]
 
 
@@ -65,7 +65,7 @@ def test_a_take_keeps_what_was_heard_and_the_panel_draws_it_once(
     assert tuple(picture.image_size) == (256, 256)
     pixels = np.array(picture.image_pixels_float[:]).reshape(256, 256, 4)
     assert pixels[..., 3].min() == 1.0 and pixels[..., :3].max() > 0.5
-    # A file that is opened again has it too.
+    # The emotion is still there after the file is opened again.
     path = str(tmp_path / "shot.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -114,7 +114,7 @@ def test_a_neutral_voice_that_cannot_be_heard_is_told(addon, speaking, tmp_path,
     with pytest.raises(RuntimeError, match=said):
         bpy.ops.anyface.generate()
     assert speaking.data.shape_keys is None
-    # Where no emotion is heard it is let be.
+    # If the emotion is not taken from the voice, the neutral voice is ignored.
     speaking.anyface.emotion_source = "GIVEN"
     generate(speaking)
 
@@ -147,7 +147,7 @@ def test_curves_lie_where_their_values_are(addon):
     is_red, is_blue = (drawn[..., k] > 150 for k in (0, 2))
     rows = np.flatnonzero(is_red.any(axis=1))
     assert 90 <= rows.min() <= rows.max() <= 95
-    # The second one rises from the lower left to the upper right, and lies over the first.
+    # The second curve rises from the lower left to the upper right and covers the first.
     left, right = (np.flatnonzero(is_blue[:, column]).mean() for column in (10, 117))
     assert left > 110 > 20 > right and not (is_red & is_blue).any()
     once = plot.draw(times[:1], [(np.array([1.0]), red)], 64)

@@ -1,4 +1,4 @@
-"""Timeline markers that are events: their names what the face does."""
+"""Timeline markers as events: the name of a marker says what the face does."""
 
 import bpy
 import pytest
@@ -8,12 +8,12 @@ from test_events import CHANNEL, SECONDS, START, SYSTEM, put
 
 
 def mark(name, frame):
-    """A marker as an artist makes it."""
+    """Adds a marker as an artist would."""
     return bpy.context.scene.timeline_markers.new(name, frame=frame)
 
 
 def read(addon, ob=None, marker_s=0.5, duration_s=SECONDS, **more):
-    """What is read of markers, and of strips where `more` names a channel."""
+    """Reads the events of markers, and of strips if `more` names a channel."""
     bpy.context.scene.render.fps = FPS
     settings_by_name = {"system": SYSTEM, "event_markers": True, "marker_s": marker_s} | more
     settings = addon("scene.bake").Settings(**settings_by_name)
@@ -21,7 +21,7 @@ def read(addon, ob=None, marker_s=0.5, duration_s=SECONDS, **more):
 
 
 def spans(events):
-    """Expression's units with first and last frame."""
+    """The units of each event, with its first and last frame."""
     at = [(START + e.start_s * FPS, START + e.end_s * FPS) for e in events]
     return [(e.units, round(a), round(b)) for e, (a, b) in zip(events, at, strict=True)]
 
@@ -63,7 +63,7 @@ def test_a_marker_lasts_as_long_as_is_said_or_until_its_end(addon):
         (("4",), START + 50, START + 54),
     ]
     assert [event.strength for event in result.events] == [0.5, 1.0, 1.0]
-    # A marker that moves takes its event along.
+    # When a marker moves, its event moves with it.
     bpy.context.scene.timeline_markers["wink"].frame = START + 20
     assert spans(read(addon).events)[1] == (("6L", "45L"), START + 20, START + 32)
 

@@ -1,4 +1,4 @@
-"""What is done with a take that has events: sliders, a stretch redone, Esc, undo, copies, batch."""
+"""Takes with events: sliders, redo of a stretch, Esc, undo, copies, batches."""
 
 import hashlib
 import json
@@ -36,7 +36,7 @@ FRAMES = range(START, START + int(SECONDS * FPS), 3)
 
 
 def strip_rows(addon):
-    """All that an artist sees of every text strip."""
+    """Everything that an artist sees of each text strip."""
     strips = addon("scene.sound.sequencer").all_strips(bpy.context.scene)
     texts = [s for s in strips if s.type == "TEXT"]
     ends = addon("scene.sound.sequencer").ends
@@ -45,7 +45,7 @@ def strip_rows(addon):
 
 @pytest.fixture
 def bare(addon, speaking):  # noqa: F811
-    """The speaking head without keys of its own, in happy speech with an event; basis keys."""
+    """The speaking head without keys of its own: basis keys, a happy emotion and one event."""
     ob = speaking
     ob.shape_key_clear()
     ob.anyface.mode, ob.anyface.emotion, ob.anyface.intensity = "basis", "happy", 0.8
@@ -55,7 +55,7 @@ def bare(addon, speaking):  # noqa: F811
 
 
 def generate(ob):
-    """A run with the panel as it stands; every slider is back at 1."""
+    """Generates with the panel as it is. This sets every slider back to 1."""
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
 
 
@@ -84,7 +84,7 @@ def test_sliders_of_weights_come_near_to_new_runs(bare, slider, setting, value, 
     anew = film(ob, FRAMES)
     mm = 1000.0 * np.linalg.norm(changed - anew, axis=2)
     still = 1000.0 * np.linalg.norm(as_made - anew, axis=2)
-    # Only what moves counts: most of a head stays where it is.
+    # Only moving vertices count, as most of a head stays still.
     moving = still > 0.2
     assert moving.sum() > 100
     assert mm[moving].mean() < 0.25 * still[moving].mean(), (
@@ -112,11 +112,11 @@ def test_systems_say_which_sliders_they_have(addon):
     assert "blinks" in why(request, {"articulation": None}, ("articulation", "blinks"))["blinks"]
 
 
-# A stretch made again.
+# Redo of a stretch.
 
 
 def redo(ob, first, last):
-    """*Redo* of some frames."""
+    """Presses *Redo* for the frames from `first` to `last`."""
     scene = bpy.context.scene
     scene.use_preview_range = True
     scene.frame_preview_start, scene.frame_preview_end = first, last
@@ -124,7 +124,7 @@ def redo(ob, first, last):
 
 
 def listed(ob):
-    """A list by hand: half a blink of either eye on one key, the jaw on two."""
+    """A list made by hand: each eye's blink drives one key by half, the jaw drives two keys."""
     for name in ("Blink", "Open", "OpenMore"):
         ob.shape_key_add(name=name).points[0].co.z += 0.01
     rows = (("eyeBlinkLeft", "Blink", 0.5), ("eyeBlinkRight", "Blink", 0.5),
@@ -149,7 +149,7 @@ def test_a_stretch_of_keys_with_shares_is_made_as_the_take_was(addon, speaking):
     assert "as they were" in ob.anyface.report
     for name in before:
         assert change(before, again, name, list(before[name])) < 1e-5, name
-    # What is asked for anew keeps the shares.
+    # The new motion keeps the shares of the list.
     put(addon, "jaw drop", START + 20, START + 40)
     redo(ob, START + 10, START + 50)
     dropped = weights_of(ob)
@@ -182,7 +182,7 @@ def test_an_event_that_moved_is_redone_in_every_output(addon, bare, tmp_path, mo
     before = numbers()
     redo(ob, START + 46, START + 66)
     after = numbers()
-    # Segments that were cut are as they were but for rounding.
+    # Curve segments that were cut keep their shape except for rounding.
     rounding = 2e-6 if mode in ("basis", "arkit") else 0.0
     assert np.abs(after[: len(OUTSIDE)] - before[: len(OUTSIDE)]).max() <= rounding
     assert np.abs(after[len(OUTSIDE) :] - before[len(OUTSIDE) :]).max() > 0.005
@@ -207,7 +207,7 @@ def test_esc_at_any_stage_leaves_strips_keys_and_actions(addon, bare):
     stages = set()
 
     class Stopping(job.Progress):
-        """Stops before the stage of this name."""
+        """Cancels at the stage of this name."""
 
         def __init__(self, stage):
             super().__init__()
@@ -224,14 +224,14 @@ def test_esc_at_any_stage_leaves_strips_keys_and_actions(addon, bare):
         with pytest.raises(Cancelled):
             snapshot.work(Stopping(stage))
     assert {"sound", "write"} <= stages
-    # In the library itself.
+    # Cancel within the library itself.
     snapshot = addon("scene.bake").read(ob, scene, settings, engine)
     progress = job.Progress()
     progress.cancel()
     with pytest.raises(Cancelled):
         voice, request = snapshot.source.load(engine.decode), snapshot.request
         addon("core.perform").perform(snapshot.face, voice, request, engine.animate, progress)
-    # What was made is not written: the steps of a landing that end before they begin.
+    # The take is made but not written: its landing is closed before the first step.
     take = snapshot.work(job.Progress())
     addon("scene.bake").landing(ob, snapshot, take).close()
     assert everything() == before and strip_rows(addon) == strips
@@ -288,7 +288,7 @@ def test_a_linked_copy_and_a_full_copy_hear_the_same_strips(addon, tmp_path):
         (copy,) = duplicate(ob, linked=linked)
         select(copy)
         assert bpy.ops.anyface.generate() == {"FINISHED"}
-        # What names Anna stays hers: her copies are called otherwise.
+        # A strip that names Anna stays hers alone, because her copies have other names.
         names = [event.name for event in stage.calls[-1][-1].events]
         expected = addon("scene.event_strips").strips_of(bpy.context.scene, CHANNEL, copy)
         assert names == [s.name for s in expected] == ["smile"]
@@ -298,7 +298,7 @@ def test_a_linked_copy_and_a_full_copy_hear_the_same_strips(addon, tmp_path):
 
 
 def library(addon, tmp_path):
-    """A head with a channel of events in a file of its own, linked into an empty one."""
+    """A head with an event channel, linked from a file of its own into an empty one."""
     ob = grid("Head")
     ob.anyface.system, ob.anyface_audio.event_channel = SYSTEM, CHANNEL
     ob = link_from_library("Head", tmp_path)
@@ -377,7 +377,7 @@ def test_events_of_a_file_count_instead_of_strips_and_markers(addon, tmp_path):
     assert "12" in second.units and second.over_speech
     assert main(words) == 0
     assert [event.units for event in stage.calls[-1][-1].events] == [("6", "12")]
-    # Another system refuses them rather than forgetting them.
+    # A system without events refuses them instead of silently dropping them.
     assert main([*words, "--events", str(path), "--system", "freetalk"]) == 3
 
 
@@ -427,9 +427,9 @@ def test_a_batch_takes_strips_markers_and_files_of_events_along(addon, tmp_path,
     assert "the event Car was left out" in said and "the event the red bus was left out" in said
     assert "left out" not in floor.report("file")["message"]
     assert "event 1" in floor.report("bad")["message"] and "99" in floor.report("bad")["message"]
-    # A crash in the middle, tried again: nothing of the shot's own file has changed.
+    # One worker crashed and its shot was retried. The shot's own file has not changed.
     assert hashlib.sha256((tmp_path / "shot.blend").read_bytes()).hexdigest() == digest
-    # A file of events that changes is a reason to do its shot again, and no other.
+    # After its event file changes, a shot is done again, but no other shot is.
     (tmp_path / "E.json").write_text('[{"start_s": 0, "end_s": 0.5, "units": ["12"]}]')
     floor.run()
     assert floor.ended()["file"] == 2 and floor.ended()["strips"] == 1

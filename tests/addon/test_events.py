@@ -1,5 +1,6 @@
-"""Events: text strips of a channel that say what the face does beside its speech, and weights of
-shapes that reach named keys as the system made them.
+"""Events are text strips of a channel that say what the face does besides speaking.
+
+The shape weights that the system makes must reach named keys unchanged.
 """
 
 import json
@@ -23,7 +24,7 @@ def editor_strips():
 
 
 def put(addon, text, first, last, channel=CHANNEL):
-    """A text strip as an artist makes it."""
+    """Adds a text strip as an artist would."""
     text_strip = addon("scene.sound.sequencer").new_text(
         bpy.context.scene, text or "E", channel, first, last
     )
@@ -32,7 +33,7 @@ def put(addon, text, first, last, channel=CHANNEL):
 
 
 def read_events(addon, channel=CHANNEL, duration_s=SECONDS):
-    """What is read of the channel, the sound beginning at frame `START`."""
+    """Reads the events of the channel. The sound begins at frame `START`."""
     bpy.context.scene.render.fps = FPS
     settings = addon("scene.bake").Settings(system=SYSTEM, event_channel=channel)
     return addon("scene.event_strips").read(bpy.context.scene, None, settings, START, duration_s)
@@ -123,7 +124,7 @@ def test_a_folder_of_models_that_cannot_read_says_why(addon, tmp_path):
     understood = read("a big grin", tmp_path)
     assert understood.units == () and "safetensors" in understood.hint
     assert read("a big grin").units
-    # Words of the menu need no model.
+    # The words of the menu need no model.
     assert read("smile", tmp_path).units == read("smile").units == ("6", "12")
 
 
@@ -141,7 +142,7 @@ def test_a_strip_is_an_event_by_text_place_length_and_opacity(addon):
     assert (smile.start_s, smile.end_s, smile.units) == (1.0, 2.0, ("12", "6L"))
     assert smile.strength == 0.5 and not smile.over_speech
     assert jaw.over_speech and (jaw.start_s, jaw.end_s) == (0.0, 6 / FPS)
-    # Moving the strip moves the event, trimming it trims it.
+    # The event follows when its strip is moved or trimmed.
     addon("scene.sound.sequencer").place(first, START + 30, START + 36)
     moved = read_events(addon).events[1]
     assert (moved.start_s, moved.end_s) == (30 / FPS, 36 / FPS)
@@ -169,7 +170,7 @@ def test_bad_strips_are_named_and_the_rest_is_made(addon):
     put(addon, "wink", START + 60, START + 90).name = "Half"
     read = read_events(addon)
     (half,) = read.events
-    # What lies within the sound is made.
+    # Only the part of a strip within the sound becomes an event.
     assert (half.start_s, half.end_s) == (60 / FPS, SECONDS)
     for name in ("Car", "Early", "Late", "Empty"):
         assert any(name in note for note in read.notes), name
@@ -214,7 +215,7 @@ def test_add_at_playhead_writes_strips_beside_each_other(addon):
     assert first == 20 and last > 30
     with pytest.raises(RuntimeError, match="move the playhead"):
         bpy.ops.anyface.event_add(expression="wink")
-    # The one before ends where the next begins.
+    # The new strip ends where the next one begins.
     scene.frame_set(14)
     bpy.ops.anyface.event_add(expression="UNITS", units="9,10", side="RIGHT", strength=0.4)
     both = addon("scene.event_strips").strips_of(scene, channel)
@@ -282,7 +283,7 @@ def test_a_run_that_fails_leaves_strips_and_keys(addon, monkeypatch, tmp_path):
 
 
 def _keys(ob):
-    """Frame and value of every keyframe of a face by data path."""
+    """Frame and value of every keyframe of a face, by shape key."""
     out = {}
     for curve in curves(ob.data.shape_keys.animation_data.action):
         points = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
@@ -296,7 +297,7 @@ def _keys(ob):
 
 @pytest.fixture
 def speaking(addon, tmp_path):
-    """The default head with ARKit keys of its own that nobody made to fit, and a tone to speak."""
+    """The default head with a tone to speak, and ARKit keys that move only one vertex each."""
     rate = 16000
     at = np.arange(int(SECONDS * rate)) / rate
     voice = np.sin(2 * np.pi * 140.0 * at) * np.sin(2 * np.pi * 2.1 * at) ** 2
@@ -327,7 +328,7 @@ def change(before, after, name, frames):
 
 
 def test_weights_reach_the_artists_keys_as_they_are(addon, speaking, tmp_path):
-    """The keys move one vertex each: nothing that is solved on the mesh could find these."""
+    """The keys move one vertex each, so no solve on the mesh could find these weights."""
     ob = speaking
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     keys = weights_of(ob)
@@ -424,7 +425,7 @@ def test_notes_of_a_thousand_strips_are_few(addon):
         put(addon, text, first, first + 1)
     read = read_events(addon, duration_s=1000.0 / FPS)
     assert len(read.events) == 500
-    # A report of five hundred notes is none.
+    # Nobody reads a report of five hundred notes, so it is cut short.
     assert len(read.notes) == 7 and read.notes[-1] == "and 494 more of this kind"
 
 
@@ -437,12 +438,12 @@ def test_every_output_of_a_bare_mesh_speaks_with_events(addon, tmp_path):
         ob.anyface.mode = mode
         assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
         assert "moves by up to" in ob.anyface.report_details
-        # Of basis keys what may be changed is drawn, of named keys the groups.
+        # Basis keys have sliders for articulation and emotion, named keys have groups of shapes.
         sliders = set(addon("scene.takes.adjust").names_of(ob)) & {"articulation", "emotion"}
         assert len(sliders) == (2 if mode == "basis" else 0)
     assert len(weights_of(ob)) == 52
     assert "event" not in ob.anyface.report
-    # A stretch made again has the weights of the system as well.
+    # Redo of a stretch uses the weights of the system too.
     ob.anyface.seed = 3
     scene = bpy.context.scene
     scene.use_preview_range = True

@@ -1,4 +1,4 @@
-"""The real `blender` executable, through `--command`; `ANYFACE_BLENDER` names it."""
+"""Runs the real `blender` executable with `--command`. `ANYFACE_BLENDER` is its path."""
 
 import json
 import math
@@ -35,7 +35,7 @@ print("RANGE", *action.frame_range)
 
 @pytest.fixture(scope="module")
 def blender(tmp_path_factory):
-    """`blender(…)` runs the executable with user files of its own."""
+    """`blender(…)` runs the executable with its own folder of user files."""
     path = os.environ.get("ANYFACE_BLENDER") or shutil.which("blender")
     if path is None:
         pytest.skip("no blender executable here")

@@ -1,4 +1,4 @@
-"""Blender as a Python module ends while a job runs: the thread is joined, nothing hangs."""
+"""Blender as a Python module exits during a job: the thread is joined and nothing hangs."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 from conftest import PACKAGE
 from figures import tone
 
-# What a script does that ends before its job; `sys.argv[1]` is a sound.
+# A script that ends before its job does. `sys.argv[1]` is a sound file.
 _SCRIPT = """
 import sys, time
 import bpy, addon_utils
@@ -49,9 +49,9 @@ def work(progress):
 """.replace("{package!r}", repr(PACKAGE))
 
 
-# As where Blender ends without disabling its add-ons.
+# Imitates a Blender that exits without disabling its add-ons.
 _STAYS_ON = "addon_utils.disable_all = lambda: None\n"
-# A job that hears of no end.
+# A job that sleeps and so never notices that it should end.
 _DEAF = """
 running.PATIENCE_S = 0.5
 def work(progress):
@@ -61,7 +61,7 @@ def work(progress):
 
 
 def ended(tmp_path, work):
-    """How a process has ended whose script left a job behind."""
+    """Runs a script that ends before its job, and returns the finished process."""
     sound = tone(tmp_path / "long.wav", 120.0)
     script = _SCRIPT.format(package=PACKAGE, work=work)
     command = [sys.executable, "-c", script, sound]

@@ -1,4 +1,4 @@
-"""Exports that carry shape keys: what comes back moves as what went out."""
+"""Exports with shape keys: the reimported mesh moves like the exported one."""
 
 import json
 import struct
@@ -16,7 +16,7 @@ FRAMES = (1, START, START + 7, START + 20, START + 47)
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -65,14 +65,14 @@ def ready(tmp_path, mode):
 
 
 def world(ob, frame):
-    """Positions `[V, 3]` in the world at a frame, in an order that no importer changes."""
+    """Positions `[V, 3]` in the world at a frame."""
     points = shape(ob, frame)
     matrix = np.array(ob.matrix_world)
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def mask(addon, ob):
-    """Half of the take's keys act where a vertex group lets them."""
+    """Masks every other key of the take with a vertex group."""
     group = ob.vertex_groups.new(name=addon("scene.face.emotion_mask").NAME)
     for vertex in range(len(ob.data.vertices)):
         group.add([vertex], (0.0, 0.5, 1.0)[vertex % 3], "REPLACE")
@@ -103,7 +103,7 @@ def test_the_same_motion_comes_back(addon, stage, tmp_path, kind, mode):
     read(path)
     other = next(ob for ob in bpy.data.objects if ob.type == "MESH")
     back = world(other, -50)
-    # Importers may split and renumber vertices: each finds the nearest one at rest.
+    # Importers may split and renumber vertices, so match each to the nearest one at rest.
     nearest = np.argmin(np.linalg.norm(back[:, None] - rest[None], axis=2), axis=1)
     assert np.abs(back - rest[nearest]).max() < 1e-5
     for frame in FRAMES:

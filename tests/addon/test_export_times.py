@@ -1,4 +1,4 @@
-"""Exports against the sound: what comes back moves in the same frames, whatever the frame rate."""
+"""Exports and sound: the reimported mesh moves in the same frames at every frame rate."""
 
 import addon_utils
 import bpy
@@ -9,7 +9,7 @@ from figures import curves, everything, grid, motion, own_keys, select, shape, s
 from test_export import fbx_in, fbx_out, gltf_in, mask
 from test_key_names import carrying
 
-# Frames a second, as Blender keeps them.
+# Frames a second as Blender stores them: `fps` and `fps_base`.
 RATES = {"24": (24, 1.0), "25": (25, 1.0), "29.97": (30, 1.001), "30": (30, 1.0), "60": (60, 1.0)}
 SECONDS = 1.5
 MOST_MM = 0.1
@@ -42,12 +42,12 @@ FORMATS = {
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def speaking(stage, tmp_path, rate, start=1, mode="basis"):
-    """A face that speaks from scene frame `start` on; the sound's last frame."""
+    """A face that speaks from scene frame `start` on, and a frame just before its sound ends."""
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = RATES[rate]
     ob = grid()
@@ -73,13 +73,13 @@ def world(ob, frames):
 
 
 def needs_usd(addon, kind="usd"):
-    """Some Blenders, as a Python module too, have no USD that Python reaches."""
+    """Skips a test of USD if Python cannot reach it, as in some Blenders and Python modules."""
     if kind == "usd" and not addon("scene.usd")._registered:
         pytest.skip("no USD here")
 
 
 def button(path):
-    """What *Export Talking Head…* does."""
+    """Exports as *Export Talking Head…* does."""
     assert bpy.ops.anyface.export(filepath=path) == {"FINISHED"}
 
 
@@ -105,7 +105,7 @@ def test_what_comes_back_moves_with_the_sound(stage, addon, tmp_path, kind, rate
     read(path)
     other = next(one for one in bpy.data.objects if one.type == "MESH")
     back = world(other, range(1 - 4, last + 1 + 4))
-    # Importers may split and renumber vertices: the nearest ones in a frame belong together.
+    # Importers may split and renumber vertices, so match the nearest ones in one frame.
     frame = len(before) // 3
     way = np.linalg.norm(back[4 + frame][:, None] - before[frame][None], axis=2)
     nearest = np.argmin(way, axis=1)
@@ -154,7 +154,8 @@ def first_keys(blocks):
 def test_no_keyframe_lies_before_the_scene(stage, tmp_path, mode, start):
     ob, _ = speaking(stage, tmp_path, "24", start, mode)
     firsts = first_keys([ob.data.shape_keys])
-    # It comes out of rest where there is room for that; else it begins in its first pose.
+    # If there is room before the sound, the face starts from rest. If not, it starts in its first
+    # pose.
     assert set(firsts) == {36.0 if start == 40 else float(start)}
     if start == 40:
         assert np.allclose(shape(ob, 1), shape(ob, 36), atol=1e-6)

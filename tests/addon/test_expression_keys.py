@@ -1,4 +1,4 @@
-"""*Expression Keys*: ARKit's shapes as the artist's own, on real heads with the library itself."""
+"""*Expression Keys* gives real heads ARKit's shapes as the artist's keys, with the real library."""
 
 import bpy
 import numpy as np

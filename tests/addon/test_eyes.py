@@ -1,4 +1,4 @@
-"""Open Eyes: eyes that are one surface with their lids are cut free; textures go along."""
+"""Open Eyes cuts eyes free that are one surface with their lids. Textures stay in place."""
 
 import json
 
@@ -16,7 +16,7 @@ def _lids(ob) -> list:
 
 @pytest.fixture
 def face(mask):  # noqa: F811
-    """A mask whose face is found."""
+    """The mask after Find Face."""
     assert bpy.ops.anyface.find_face() == {"FINISHED"}
     assert _lids(mask) == ["joined", "joined"]
     return mask
@@ -36,7 +36,7 @@ def test_the_eyes_are_cut_free_and_everything_goes_along(face):
     for polygon in data.polygons:
         uvs = [tuple(layer[loop].uv) for loop in polygon.loop_indices]
         if len(set(uvs)) == 1:
-            continue  # Behind the cut: of one colour with the rim before it.
+            continue  # Behind the cut: has the colour of the rim in front of it.
         for loop in polygon.loop_indices:
             place = data.vertices[data.loops[loop].vertex_index].co
             assert abs(layer[loop].uv.x - place.x) < 1e-5

@@ -1,5 +1,7 @@
-"""Batches and commands without a window end with a report, whatever is raised wherever: the
-generated test of `test_job_ends`, for the farm."""
+"""Batches and commands without a window end with a report, whatever is raised, and wherever.
+
+This is the generated test of `test_job_ends` for the farm.
+"""
 
 import argparse
 import json
@@ -14,7 +16,7 @@ import pytest
 from faults import ERRORS, Fault, steps_of
 from figures import grid, stand_in, tone
 
-# In the place of Blender: writes what it is asked for, and its report.
+# Replaces Blender: writes the requested file and its report.
 WORKER = """#!{python}
 import json, os, sys
 shot = json.loads(sys.stdin.readline())
@@ -25,7 +27,7 @@ report = {{"name": shot["name"], "ok": True, "message": "done", "exit_code": 0,
 with open(shot["report"], "w") as file:
     json.dump(report, file)
 """
-# What catches exceptions cannot raise them itself.
+# These functions catch the exceptions, so the test does not make them raise any.
 NET = {"run", "close", "main", "measured", "say", "start", "_listen"}
 
 
@@ -57,7 +59,7 @@ def farm(tmp_path):
 
 
 def half_written(folder: Path) -> list[str]:
-    """What lies there that nobody has asked for."""
+    """Hidden and partial files that were left in the folder."""
     paths = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     return [str(path) for path in paths if path.name.startswith(".") or "part" in path.name]
 

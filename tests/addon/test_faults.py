@@ -1,4 +1,4 @@
-"""A fault of ours leaves what is known of it where an artist finds it."""
+"""After a fault of ours the artist finds all that is known about it in a text."""
 
 import bpy
 import pytest
@@ -10,7 +10,7 @@ from test_job_ends import _Through
 
 @pytest.fixture
 def ready(addon, tmp_path):
-    """A face that would speak, with an engine that breaks in the worker thread."""
+    """A face that is ready to speak, and an engine that fails in the worker thread."""
     stage = stand_in(addon)
     ob = grid()
     bpy.context.scene.render.fps = 24

@@ -1,4 +1,4 @@
-"""What a newcomer meets: few presses, and every grey button says why."""
+"""The first minutes of a newcomer: few presses suffice, and every grey button says why."""
 
 import bpy
 import pytest
@@ -8,7 +8,7 @@ from figures import grid, own_keys, select, stand_in, tone
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 

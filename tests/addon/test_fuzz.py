@@ -1,6 +1,6 @@
-"""The panel under random hands: any value in any slider, any button at any time, any scene.
+"""A random user at the panel: any value in any slider, any button at any time, any scene.
 
-`ANYFACE_FUZZ` sets the number of rounds; the seed is fixed, and a failure names its last steps.
+`ANYFACE_FUZZ` sets the number of rounds. The seed is fixed, and a failure lists its last steps.
 """
 
 import contextlib
@@ -20,12 +20,12 @@ from figures import grid, own_keys, stand_in, strip, tone
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ", "50"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "20"))
 GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_mouth_chart")
-# What an operator may say of its own accord.
+# An error with one of these texts is a deliberate refusal by an operator.
 REFUSALS = ("Anyface: ", ".poll()")
 
 
 class Layout:
-    """Stands in for a layout: takes every call, gives layouts back."""
+    """Stands in for a layout: accepts every call and returns layouts."""
 
     def __getattr__(self, name):
         if name in ("panel", "panel_prop"):
@@ -92,10 +92,10 @@ class Hand:
         name = self.pick(names)
         value = self.value(group.bl_rna.properties[name])
         if value is None and group.bl_rna.properties[name].type == "ENUM":
-            # A menu that is made while it is looked at may be empty.
+            # A menu whose items are made on the fly may be empty.
             return
         self.steps.append(f"{owner.name}: {name} = {value!r}")
-        # A poll of the property may refuse an object; Blender then keeps what there was.
+        # The property's poll may refuse an object. Blender then keeps the old value.
         setattr(group, name, value)
 
     def set_in_list(self):
@@ -119,7 +119,7 @@ class Hand:
         self.call(self.pick(dir(bpy.ops.anyface)))
 
     def call(self, name):
-        """Calls an operator of ours; it may refuse in words, but never with a traceback."""
+        """Calls one of our operators. It may refuse with a message, but never with a traceback."""
         operator = getattr(bpy.ops.anyface, name)
         values = {}
         for prop in operator.get_rna_type().properties:
@@ -143,11 +143,11 @@ class Hand:
         try:
             change(self)
         except (AttributeError, ReferenceError, RuntimeError, TypeError, ValueError):
-            # Blender refuses much in odd scenes; that is its own affair unless it met our code.
+            # Blender refuses many things in odd scenes. Only errors that come from our code count.
             assert PACKAGE not in traceback.format_exc(), list(self.steps)
 
     def look(self):
-        """Draws every panel and menu of ours."""
+        """Draws all our panels and menus."""
         bpy.context.window_manager.anyface_more = True
         for name in [n for n in dir(bpy.types) if n.startswith(("ANYFACE_PT_", "ANYFACE_MT_"))]:
             cls, context = getattr(bpy.types, name), Context()
@@ -330,15 +330,15 @@ CHANGES = (
 
 @pytest.fixture
 def hand(addon, tmp_path, monkeypatch):
-    """A user in front of a head, its teeth, and two strips; the library is a stage."""
+    """A user with a head, its teeth and two strips. A stage replaces the library."""
     monkeypatch.chdir(tmp_path)
-    # What this user saves for good is nothing to the tests after it.
+    # Keep the presets that this user saves away from later tests.
     presets = tmp_path / "presets"
     presets.mkdir()
     monkeypatch.setattr(addon("ui.presets"), "own_folder", lambda create=False: presets)
     stage = stand_in(addon, WholeStage(addon("core.take")))
     sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
-    # 4.2 as a Python module has no sound: then there are no strips.
+    # Blender 4.2 as a Python module has no sound, so there are no strips then.
     with contextlib.suppress(RuntimeError):
         strip(sounds[0], "Voice", 5, 1)
         strip(sounds[1], "Answer", 30, 1)

@@ -1,4 +1,4 @@
-"""Copies under random hands: whatever is done to one character changes nothing of another.
+"""A random user of copies: no action on one character changes another.
 
 `ANYFACE_FUZZ_COPIES` sets the number of rounds; a failure names its last steps and the seed.
 """
@@ -17,7 +17,7 @@ from figures import belongings, duplicate, grid, select, stand_in, tone
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ_COPIES", "60"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "14"))
 MODES = ("basis", "cache", "arkit", "frames", "csv")
-# More objects than these are not made: old copies go first.
+# From this many objects on, no scenes or linked heads are added, and `thin` keeps two faces only.
 MOST = 14
 
 
@@ -35,13 +35,13 @@ class Copier:
         return items[self.random.integers(len(items))]
 
     def faces(self):
-        """Everything in the scene that may speak."""
+        """All objects in the scene that may speak."""
         bpy.context.view_layer.update()
         there = [ob for ob in bpy.context.view_layer.objects if ob is not None]
         return [ob for ob in there if ob.type == "MESH" and ob.name.startswith(("Head", "Kopf"))]
 
     def round(self):
-        """One step; then whatever the step was not about is as it was."""
+        """Takes one step, then checks that nothing else has changed."""
         step = self.pick((self.generate, self.generate, self.remove, self.copy, self.instance,
                           self.alone, self.scene, self.rename, self.link, self.override, self.undo,
                           self.save_as, self.keep, self.switch, self.adjust,
@@ -52,7 +52,7 @@ class Copier:
         lost = [keys.name for keys in bpy.data.shape_keys if keys.user is None]
         assert not lost, (list(self.steps), lost)
         if step != self.undo:
-            # As Blender does after every press.
+            # Blender does the same after every press.
             bpy.ops.ed.undo_push(message=step.__name__)
         if touched is None:
             return
@@ -64,7 +64,7 @@ class Copier:
             assert not changed, (list(self.steps), bpy_name(number), list(changed)[:4])
 
     def act(self, ob, press, **options):
-        """Presses a button for one face; all that it may change are the face and its parts."""
+        """Presses a button for one face. Returns all that it may change: the face and its parts."""
         touched = {ob.session_uid, *(row.object.session_uid for row in own_parts(ob))}
         self.steps.append(f"{press} {ob.name} {ob.anyface.mode}")
         select(ob)
@@ -119,7 +119,7 @@ class Copier:
         return set()
 
     def local(self):
-        """Faces of this file itself."""
+        """Faces of this file itself, neither linked nor overridden."""
         return [ob for ob in self.faces() if ob.library is None and ob.override_library is None]
 
     def scene(self):

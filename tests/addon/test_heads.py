@@ -20,7 +20,7 @@ HEAD = ROOT / "weights" / "shared" / "default_head" / "head.obj"
 LANDMARKS = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
 SUZANNE = ROOT / "packaging" / "demo" / "suzanne_landmarks.json"
 SENTENCE = "Papa saw a large ball far away."
-# The sentence begins here; before and after it there is silence.
+# The sentence begins at this time. There is as much silence before it as after it.
 SILENCE_S = 0.7
 
 
@@ -46,7 +46,7 @@ def voice(tmp_path_factory):
 
 
 def import_head():
-    """The default head, as Blender's importer leaves it: turned by the object, in metres."""
+    """The default head as Blender imports it: in metres, and the object holds the rotation."""
     bpy.ops.wm.obj_import(filepath=str(HEAD), use_split_objects=False, use_split_groups=False)
     ob = bpy.context.object
     ob.name = "Head"
@@ -55,7 +55,7 @@ def import_head():
 
 
 def ready(ob, path):
-    """Settings of a sound file at frame 1, 24 frames a second."""
+    """Sets a sound file that starts at frame 1, at 24 frames a second."""
     bpy.context.scene.render.fps = 24
     bpy.context.view_layer.objects.active = ob
     ob.anyface.source, ob.anyface.sound_file, ob.anyface.start_frame = "FILE", path, 1
@@ -94,7 +94,7 @@ def test_basis_and_frames_show_the_same_motion(voice):
     path, samples, rate = voice
     ob = ready(import_head(), path)
     frame = 1 + round(loudest_s(samples, rate) * 24)
-    # Few keys on curves have a tolerance of their own.
+    # Curves with few keys would add a tolerance of their own.
     ob.anyface.curves = "EVERY"
     bpy.ops.anyface.generate()
     basis = shape(ob, frame)
@@ -146,7 +146,7 @@ def test_sliders_come_near_to_a_new_run(voice):
     path, samples, rate = voice
     ob = ready(import_head(), path)
     ob.anyface.emotion, ob.anyface.intensity = "happy", 0.8
-    # Few keys on curves have a tolerance of their own.
+    # Curves with few keys would add a tolerance of their own.
     ob.anyface.curves = "EVERY"
     bpy.ops.anyface.generate()
     frames = range(1, round(len(samples) / rate * 24), 5)
@@ -158,7 +158,7 @@ def test_sliders_come_near_to_a_new_run(voice):
     assert ob.anyface_output.articulation == ob.anyface_output.emotion == 1.0
     anew = film(ob, frames)
     left, way = (np.linalg.norm(anew - other, axis=2) for other in (moved, original))
-    # A new run moves vertices by 6 mm; docs/blender.md has what sliders leave of it.
+    # A new run moves vertices by 6 mm. docs/blender.md says how much of that sliders miss.
     assert way.max() > 0.004 and left.max() < 0.001 and left.mean() < 0.00012
 
 
@@ -233,7 +233,7 @@ def test_suzanne_is_found():
     truth = np.array(json.loads(SUZANNE.read_text())) * 0.15
     height = np.linalg.norm(truth[8] - truth[[19, 24]].mean(0))
     off = (np.array([row["position"] for row in rows]) - truth) / height
-    # Her mouth is a pit: beside its rim the surface lies deeper, so that depth says little there.
+    # Suzanne's mouth is a pit. Beside its rim the surface lies deeper, so depth says little there.
     across, miss = np.linalg.norm(off[:, [0, 2]], axis=1), np.linalg.norm(off, axis=1)
     assert across[48:68].mean() < 0.045, f"mouth {across[48:68].mean():.3f} seen from the front"
     assert miss[48:68].mean() < 0.06, f"mouth {miss[48:68].mean():.3f} of the face's height"
@@ -323,7 +323,7 @@ def test_a_cube_has_no_face(voice):
 
 
 def camera(ob):
-    """An orthographic view of the face, 256 by 256, with a light; returns the pixel of a point."""
+    """Adds an orthographic camera, 256 by 256, and a light. Returns a map from points to pixels."""
     scene = bpy.context.scene
     points = np.array([row["position"] for row in LANDMARKS])
     world = [ob.matrix_world @ ob.data.vertices[row["vertex"]].co for row in LANDMARKS]

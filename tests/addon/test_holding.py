@@ -11,7 +11,7 @@ class SpeakingStage(Stage):
     """A stage whose lips touch in some frames."""
 
     def animate(self, *arguments):
-        """A basis, and where the lips touch."""
+        """Adds the frames in which the lips touch."""
         animation = super().animate(*arguments)
         if animation.basis is not None:
             count = len(animation.basis.weights)
@@ -21,7 +21,7 @@ class SpeakingStage(Stage):
 
 @pytest.fixture
 def face(addon, tmp_path):
-    """A face that says a second in 24 frames, in held poses."""
+    """A face that speaks for one second (24 frames) in held poses."""
     bpy.context.scene.render.fps = 24
     stand_in(addon, SpeakingStage(addon("core.take")))
     ob = grid("Head")
@@ -114,7 +114,7 @@ def test_head_and_eyes_stand_with_the_poses(addon):
     new_take = take.Take(24.0, 9.0, "basis", motion, life)
     new_take.opening = random.uniform(size=count)
     assert holding.hold(new_take, holding.Holds(3, 0, 0))
-    # Which frame's pose each frame shows.
+    # For each frame, the frame whose pose it shows.
     shown = [int(np.flatnonzero((weights == row).all(axis=1))[0]) for row in motion.weights]
     assert len(set(shown)) == count // 3
     np.testing.assert_array_equal(new_take.life.head, head[shown])

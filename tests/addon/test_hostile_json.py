@@ -1,11 +1,10 @@
-"""Files of jobs and presets that are not what they should be: a message with row and field, never a
-traceback."""
+"""Job and preset files with wrong content: a message names row and field, never a traceback."""
 
 import json
 
 import pytest
 
-# What broke once, and words of the message that tells where.
+# Files that once caused a failure, and words of the message that now says where they are wrong.
 JOBS = {
     '{"defaults": [], "shots": []}': "defaults: expected an object, got []",
     '{"shots": ["x"]}': "shot 1: expected an object, got 'x'",

@@ -1,8 +1,8 @@
-"""Every job ends with a message, whatever is raised wherever: the generated test.
+"""Every job ends with a message, whatever is raised, and wherever: a generated test.
 
-Each job runs once while the functions that it calls are noted. Then it runs again for each of them,
-which raises. `ANYFACE_EVERY_STEP=1` tries all of them for every job; without it a function is tried
-for the first job that calls it.
+Each job runs once to record the functions that it calls. Then it runs again for each function,
+which now raises an error. A function raises only in the first job that calls it. With
+`ANYFACE_EVERY_STEP=1` it raises in every job that calls it.
 """
 
 import os
@@ -22,9 +22,9 @@ from test_control_takes import Waves, rigged
 
 START = 5
 EVERY = bool(os.environ.get("ANYFACE_EVERY_STEP"))
-# Functions that an earlier job has tried.
+# Functions that have raised in an earlier job.
 tried = set()
-# Name: module and class of the operator, and how it is set.
+# Name: module and class of the operator, and the output mode.
 JOBS = {
     "basis": ("ui.generate", "ANYFACE_OT_generate", "basis"),
     "frames": ("ui.generate", "ANYFACE_OT_generate", "frames"),
@@ -56,7 +56,7 @@ NO_TAKE = (
 
 
 class Set:
-    """A face that is set up for a job, and the same for the next one after a job that failed."""
+    """A face that is set up for a job. The next job uses it again if a job was cancelled."""
 
     def __init__(self, addon, monkeypatch, tmp_path, name):
         self.addon, self.name, self.folder = addon, name, tmp_path
@@ -95,11 +95,11 @@ class Set:
 
     @property
     def ob(self):
-        """The face, whatever undo has done."""
+        """The face, looked up anew because undo may have replaced it."""
         return bpy.data.objects["Head"]
 
     def press(self):
-        """Runs the job; how it ended, what was told, how many timers still tick."""
+        """Runs the job. Returns how it ended, its messages, and how many timers still run."""
         operator = getattr(self.module, self.operator)
         button = without_blender(operator, **OPTIONS.get(self.name, {}))
         word, manager = press(button, self.ob)
@@ -122,7 +122,7 @@ class Set:
 
 
 def _motion_of(ob) -> list:
-    """What an object plays, and how its bones stand."""
+    """The animation of an object, and the pose of its bones."""
     bones = ob.pose.bones if ob.type == "ARMATURE" else ()
     poses = [str([round(x, 5) for row in bone.matrix_basis for x in row]) for bone in bones]
     return [ob.name, *animation_rows(ob.animation_data), *poses]
@@ -133,7 +133,7 @@ class WavingStage(Waves, WholeStage):
 
 
 def _spread(shape_keys, others: int) -> None:
-    """Lets the keys show two frames of the motion of a stage."""
+    """Gives the keys the shapes of two frames of a stage's motion."""
     rest, *blocks = shape_keys.key_blocks
     count = len(rest.points)
     moved = motion(24, count + others)[:, :count]
@@ -143,7 +143,7 @@ def _spread(shape_keys, others: int) -> None:
 
 
 class _Through:
-    """Blender with a window."""
+    """Stands in for `bpy` with a window."""
 
     app = SimpleNamespace(background=False)
 
@@ -156,7 +156,7 @@ def test_every_job_ends_with_a_message(addon, installed, monkeypatch, tmp_path, 
     folder = tmp_path / "shots"
 
     def fresh():
-        # Windows deletes no file that the scene holds open.
+        # Windows cannot delete a file that the scene holds open, so empty the scene first.
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
@@ -193,7 +193,7 @@ def test_every_job_ends_with_a_message(addon, installed, monkeypatch, tmp_path, 
         if word == "CANCELLED" and after != before:
             failures.append(f"{where}: {_difference(before, after)}")
         if word != "CANCELLED" or after != before:
-            # What broke could be done without, or came behind the result.
+            # The error did not matter or came after the result. Go on with a fresh face.
             ready_set = fresh()
             before = ready_set.state()
     word, messages, timers = ready_set.press()
@@ -221,7 +221,7 @@ def ready(addon, monkeypatch, tmp_path):
 
 
 def break_writing(addon, monkeypatch, error=MemoryError):
-    """Lets the curves of a take fail, when its keys are there already."""
+    """Makes a take fail at its curves, when its keys exist already."""
     play = addon("scene.takes.keys").play
 
     def broken(ob, take_record):
@@ -318,7 +318,7 @@ def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, 
     monkeypatch.setattr(module, "on_screen", lambda *_: np.zeros((68, 2)))
 
     def drag():
-        """Presses on a point, lets it go, and waits for the others."""
+        """Presses and releases a point, then waits until the other points have followed."""
         operator = without_blender(module.ANYFACE_OT_edit_landmarks)
         context = figures.window(ready_set.ob)
         context.region_data = object()

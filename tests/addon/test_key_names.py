@@ -1,4 +1,4 @@
-"""Keys of other tools: which shapes they show, and lists that an artist makes."""
+"""Keys of other tools: which shapes they show, and lists made by the artist."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ import pytest
 from figures import curves, everything, grid, own_keys, select, shape, stand_in, tone
 
 START = 5
-# Some keys as the tools write them, and shapes that they are.
+# Some keys of each tool, spelled as the tool spells them.
 TOOLS = {
     "ARKit": ["jawOpen", "mouthFunnel", "eyeBlinkLeft"],
     "Oculus": ["viseme_aa", "viseme_PP", "viseme_O"],
@@ -27,7 +27,7 @@ TOOLS = {
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -78,7 +78,7 @@ def carrying(stage, ob):
 
 class Silent:
     def check(self, *_):
-        """Goes on."""
+        """Never cancels."""
 
 
 def curve(ob, key):

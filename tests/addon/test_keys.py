@@ -1,4 +1,4 @@
-"""Writing takes, and that nothing of the artist's is lost."""
+"""Takes are written without losing anything that belongs to the artist."""
 
 import bpy
 import numpy as np
@@ -165,7 +165,7 @@ def test_a_take_changes_nothing_of_the_artists(addon, make_take, artist):
     copied = artist in (artist_shared_mesh, artist_shared_action)
     after = set(everything())
     for row in before:
-        # User counts and custom properties of the keys change; copies carry another name.
+        # User counts and custom properties of the keys change, and copies have other names.
         if copied or row.startswith(("shape_keys", "meshes", "actions")):
             continue
         if row.startswith("  action None") or row.startswith(("  slot None", "  no animation")):

@@ -1,4 +1,4 @@
-"""Long takes: what takes long is done in the thread, the rest in slices that can be cancelled."""
+"""Long takes: slow work runs in the thread, the rest in slices that can be cancelled."""
 
 import time
 from types import SimpleNamespace
@@ -16,12 +16,12 @@ MINUTES = 3.0
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def snapshot_of(addon, stage, tmp_path, seconds=2.0, side=12):
-    """A head with teeth, what was read of them, and their take."""
+    """A head with teeth, the snapshot that was read of them, and their take."""
     bpy.context.scene.render.fps = 24
     teeth = grid("Teeth_low", 5, 0.05)
     ob = grid("Head", side)
@@ -35,7 +35,7 @@ def snapshot_of(addon, stage, tmp_path, seconds=2.0, side=12):
 
 
 def long_take(addon, vertices, keys=56):
-    """A basis of smooth weights over some minutes."""
+    """A take of `MINUTES` minutes as a basis with random weights."""
     take, random = addon("core.take"), np.random.default_rng(1)
     frames = int(MINUTES * 60 * 24)
     weights = random.uniform(-1, 1, (frames, keys)).astype(np.float32)
@@ -195,7 +195,7 @@ def test_esc_while_it_lands_leaves_the_face_as_it_was(addon, operator_on):
 
 @pytest.fixture
 def operator_on(addon, monkeypatch):
-    """An operator whose result lands in endless slices, under a stand-in for a window."""
+    """An operator that lands in endless slices, its window's stand-in, a timer and an Esc event."""
     operators = addon("ui.operators")
     window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data)
     monkeypatch.setattr(operators, "bpy", window)

@@ -1,4 +1,4 @@
-"""Head and eyes of a take on objects and bones: what turns, how far, and how Remove lets go."""
+"""Head and eye motion of a take on objects and bones: what turns, how far, what Remove restores."""
 
 from math import degrees
 
@@ -17,7 +17,7 @@ NOD, TURN, TILT = 0.05, 0.03, 0.02
 
 
 class LivelyStage:
-    """Adds head and eyes to what a stage gives: steady angles after the first frame."""
+    """Adds head and eye motion to a stage: the same angles in all frames."""
 
     def __init__(self, stage, take_module):
         self.stage, self.take_module = stage, take_module
@@ -41,7 +41,7 @@ class LivelyStage:
 
 @pytest.fixture
 def stage(addon):
-    """A stage with head and eyes in the engine's place."""
+    """A stage with head and eye motion that replaces the engine."""
     module = addon("core.take")
     return stand_in(addon, LivelyStage(Stage(module), module))
 
@@ -68,14 +68,14 @@ def world(ob, frame):
 
 
 def turned(ob, frame, rest):
-    """The rotation of the world matrix against `rest`, as a rotation vector."""
+    """The rotation of the world matrix relative to `rest`, as a rotation vector."""
     turn = (world(ob, frame).to_quaternion() @ rest.to_quaternion().inverted()).normalized()
     axis, angle = turn.to_axis_angle()
     return np.array(axis) * angle
 
 
 def head_in_world():
-    """The stage's head in the world: left is +X, up +Z, out of the face -Y."""
+    """The stage's head rotation in the world: left is +X, up is +Z, out of the face is -Y."""
     return np.array([NOD, -TILT, TURN])
 
 
@@ -208,7 +208,7 @@ def test_a_bone_with_keyframes_of_its_own_is_refused_before_anything_is_made(sta
 
 
 def eyeball(name, x):
-    """A ball whose origin is the world's, as exporters like to leave them."""
+    """A ball whose object origin is the world's origin, as exporters often leave it."""
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.012, location=(0.0, 0.0, 0.0))
     ball = bpy.context.object
     ball.name = name
@@ -361,7 +361,7 @@ def test_a_real_head_nods_and_its_eyeball_looks_about(voice):  # noqa: F811
     frames = range(1, 1 + int(24 * len(voice[1]) / voice[2]))
     head = np.degrees([turned(control, frame, rests[control]) for frame in frames])
     looks = np.degrees([turned(eye, frame, rests[eye]) for frame in frames])
-    # In the world about +X nods, about +Z turns to the left, about -Y tilts to the right shoulder.
+    # In the world +X is a nod, +Z a turn to the left, and -Y a tilt to the right shoulder.
     assert 0.1 < head[:, 0].std() < 2.0 and 0.02 < head[:, 2].std() < 2.0
     assert np.abs(head).max() < 4.0
     assert np.ptp(looks[:, 2]) > 0.5 and np.abs(looks).max() < 20.0

@@ -1,4 +1,4 @@
-"""*Live Microphone*: a face that speaks with the artist, and what is kept of it."""
+"""*Live Microphone*: the face speaks along with the artist, and recordings become takes."""
 
 import wave
 from pathlib import Path
@@ -14,14 +14,14 @@ KEY = "Anyface Live"
 
 
 class Room:
-    """What microphones hear, in place of the library's."""
+    """The sound that microphones hear, in place of the library's microphones."""
 
     def __init__(self):
         self.sound, self.open, self.is_lost, self.error = np.zeros(0, np.float32), 0, False, None
         self.spoken = 0
 
     def speak(self, seconds):
-        """The next seconds of a voice are heard at once: syllables whose pitch glides."""
+        """Plays the next seconds of a voice at once: syllables whose pitch glides."""
         first, self.spoken = self.spoken, self.spoken + int(seconds * RATE_HZ)
         at = np.arange(self.spoken) / RATE_HZ
         pitch = 120 * (1 + 0.3 * (np.sin(5.6 * at) + 0.5 * np.sin(18.8 * at)))
@@ -32,14 +32,14 @@ class Room:
 
 
 def formants(hz):
-    """How loud a mouth that says "a" makes each frequency."""
+    """The gain at frequencies `hz` in a mouth that says "a"."""
     peaks = ((1.0, 700, 300), (0.5, 1200, 300), (0.15, 2500, 400))
     return sum(gain * np.exp(-(((hz - place) / width) ** 2)) for gain, place, width in peaks)
 
 
 @pytest.fixture
 def room(addon, monkeypatch):
-    """Microphones of the add-on hear this room."""
+    """A room that the microphones of the add-on hear."""
     room = Room()
 
     class Microphone:
@@ -70,7 +70,7 @@ def room(addon, monkeypatch):
 
 @pytest.fixture
 def listener(room):
-    """The sample head, which listens."""
+    """The sample head, listening to the microphone."""
     bpy.ops.anyface.add_sample_head()
     ob = bpy.context.object
     bpy.context.scene.render.fps = 24
@@ -79,7 +79,7 @@ def listener(room):
 
 
 def heard(addon, ob):
-    """The face after Blender's timer has run."""
+    """Runs Blender's timer once and returns the face."""
     addon("scene.live").listen()
     return now(ob)
 
@@ -152,7 +152,7 @@ def test_a_recording_is_a_strip_and_a_take(addon, room, listener, tmp_path):
     strips = addon("scene.sound.sequencer").sound_strips(bpy.context.scene)
     assert [strip.name for strip in strips] == [listener.anyface.strip]
     assert addon("scene.sound.sequencer").ends(strips[0])[0] == 11
-    # The take is there, and nothing listens any more.
+    # The take is there, and the microphone is closed.
     assert room.open == 0
     assert KEY not in listener.data.shape_keys.key_blocks
     assert np.abs(shape(listener, 24) - shape(listener, 200)).max() > 0.002

@@ -1,4 +1,4 @@
-"""*Live*: a face that follows its sound without a take, and of which nothing stays."""
+"""*Live*: a face follows its sound without a take, and nothing is left behind."""
 
 import bpy
 import numpy as np
@@ -24,7 +24,7 @@ def talker(tmp_path):
 
 
 def moved(ob, frame):
-    """How far the farthest vertex is from where it is at rest, in a frame."""
+    """The largest change of a coordinate from rest, in a frame."""
     bpy.context.scene.frame_set(frame)
     rest = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
     ob.data.shape_keys.reference_key.points.foreach_get("co", rest)
@@ -37,7 +37,7 @@ def test_it_follows_in_any_order_and_nothing_stays(talker):
     assert bpy.ops.anyface.live() == {"FINISHED"}
     shapes = {frame: shape(talker, frame) for frame in (1, 14, 20, 26, 33)}
     assert max(np.abs(shapes[frame] - before).max() for frame in shapes) > 0.002
-    # Backwards, and what was seen is seen again; a stream that begins anew is warm by then.
+    # Going back shows the same face again. The stream starts anew and has warmed up by then.
     again = shape(talker, 20)
     assert np.abs(again - shapes[20]).max() < 0.1 * np.abs(shapes[20] - before).max()
     assert np.abs(shape(talker, 400) - before).max() < 1e-6, "the sound is over"

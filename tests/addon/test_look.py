@@ -1,4 +1,4 @@
-"""What the page of a batch shows of a take: the gap of its lips, its sound, pictures, doubts."""
+"""How the page of a batch shows a take: its lip gap, sound, pictures and doubts."""
 
 import base64
 
@@ -10,12 +10,12 @@ RATE, FPS = 16000, 25.0
 
 @pytest.fixture
 def look(addon):
-    """The module."""
+    """The module under test."""
     return addon("core.look")
 
 
 def speech(addon, parts):
-    """A sound of `(seconds, loudness)`."""
+    """A sound made of parts `(seconds, loudness)`."""
     tones = [
         loudness * np.sin(2.0 * np.pi * 200.0 * np.arange(int(seconds * RATE)) / RATE)
         for seconds, loudness in parts

@@ -1,4 +1,4 @@
-"""Work that must not be lost: file versions, duplicates, instances, takes beside one another."""
+"""Work that must not be lost: file versions, duplicates, instances, several takes."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,12 +16,12 @@ ON_MESH = (*KEYED, "cache")
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def character(tmp_path, mode="basis", saved="shot_v001"):
-    """A head with its teeth, which is asked to speak; the file is saved."""
+    """A head with teeth that is ready to speak, in a saved file."""
     bpy.context.scene.render.fps = 24
     teeth = grid("Teeth_low", 5, 0.05)
     ob = grid("Head")
@@ -48,7 +48,7 @@ def remove(ob):
 
 
 def moves(ob):
-    """How far any vertex goes from where it is before the take, in one frame."""
+    """The largest change of a coordinate from before the take to one frame of it."""
     return float(np.abs(shape(ob, START + 20) - shape(ob, START - 30)).max())
 
 
@@ -100,7 +100,7 @@ def test_only_the_button_deletes_caches_and_none_that_a_file_may_play(stage, tmp
     (folder / "holiday.pc2").write_bytes(b"an artist's own")
     played = both(ob)
     assert bpy.ops.anyface.remove_unused_caches() == {"FINISHED"}
-    # What v001, v002 and v003 play on disk, and what is played here and not saved yet.
+    # The caches that v001, v002 and v003 play remain, and the unsaved one that this scene plays.
     assert len(list(folder.iterdir())) == 2 * 4 + 1
     assert (folder / "holiday.pc2").is_file() and both(ob) == played
     for name in ("shot_v001", "shot_v002", "shot_v003"):
@@ -210,7 +210,7 @@ def test_teeth_that_speak_with_a_face_are_left_out_of_another_one(stage, tmp_pat
 
 
 def shapes_of_an_artist(stage, ob):
-    """The stage's shapes as the artist's own keys."""
+    """Adds the stage's shapes as the artist's own keys."""
     silent = SimpleNamespace(check=lambda *_: None)
     rest = np.array([vertex.co for vertex in ob.data.vertices], dtype=np.float32)
     rig = stage.rig(rest, None, None, None, None, silent)

@@ -6,7 +6,7 @@ import pytest
 
 
 def points(ob) -> np.ndarray:
-    """`[V, 3]`."""
+    """Positions of the vertices, `[V, 3]`."""
     out = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
     ob.data.vertices.foreach_get("co", out)
     return out.reshape(-1, 3)
@@ -23,7 +23,7 @@ def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
     places = points(ob)
     apart = np.linalg.norm(places[:, None] - stored.positions[None], axis=2).min(axis=0)
     assert apart.max() < 1e-6, "every landmark is a vertex"
-    # It looks along -Y: the nose lies before the ears, the brows above the chin.
+    # It looks along -Y: the nose is in front of the ears, the brows are above the chin.
     assert stored.positions[30, 1] < stored.positions[[0, 16], 1].min()
     assert stored.positions[19, 2] > stored.positions[8, 2]
     names = {ob.material_slots[p.material_index].material.name for p in ob.data.polygons}
@@ -102,7 +102,7 @@ def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
     load = addon("scene.face.landmarks").load
     marks, truth = load(new).positions, load(ob).positions
     apart = np.linalg.norm((marks - marks.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
-    # The field, to which the likeness is fitted, knows no traits.
+    # The likeness is fitted to the field, which knows no traits.
     assert apart.mean() < 0.006, "a head of 0.3 m"
 
 

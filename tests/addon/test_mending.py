@@ -1,4 +1,4 @@
-"""Errors offer what mends them: the button is drawn below the report, and a press mends it."""
+"""Errors offer a fix: a button below the report, and one press fixes the error."""
 
 from types import SimpleNamespace
 
@@ -13,7 +13,7 @@ from test_panels import Paper
 
 @pytest.fixture(autouse=True)
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -124,7 +124,7 @@ def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
     assert last == int(ob.anyface.report.split(" frames")[0])
     late = f"The scene ends {last - 20} frames before the take"
     assert offered(addon, ob) == [late, "Set Scene Range"]
-    # What the artist does about it himself counts, and the report may say what it likes.
+    # The artist's own change of the range counts. The text of the report does not matter.
     scene.frame_end, ob.anyface.report = 30, "Spricht"
     assert offered(addon, ob)[0] == late.replace(str(last - 20), str(last - 30))
     assert bpy.ops.anyface.mend(name="scene_range") == {"FINISHED"}

@@ -14,7 +14,7 @@ START = 11
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -46,13 +46,13 @@ def rows(ob):
 
 
 def requested_emotion(stage):
-    """What the stage was asked to feel: times `[N]` and strengths `[N, 15]`."""
+    """The emotion that the stage was asked for: times `[N]` and strengths `[N, 15]`."""
     keys = stage.calls[-1][-1].emotion
     return np.array([time for time, _ in keys]), np.array([row for _, row in keys])
 
 
 def strengths(addon, **weights):
-    """Strengths `[15]` by name."""
+    """Strengths `[15]` of all emotions. Those without a weight get 0."""
     return [weights.get(name, 0.0) for name in addon("core.emotion").EMOTIONS]
 
 
@@ -70,7 +70,7 @@ def test_rows_are_felt_together(stage, face, addon):
 
 
 def test_one_emotion_is_asked_for_as_before(stage, face, addon):
-    """A face whose file knows no mixture: one emotion, with and without keyframes."""
+    """A face whose file has no mixture asks for one emotion."""
     face.anyface.emotion, face.anyface.intensity = "sad", 0.8
     path = bpy.path.abspath(bpy.app.tempdir) + "old.blend"
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -232,12 +232,12 @@ def test_presets_hold_mixtures_and_those_of_one_emotion_have_one(face, addon, tm
     old.write_text('{"anyface_preset": 1, "values": {"emotion": "ill", "intensity": 0.5}}')
     presets.apply(addon("core.presets").read(old), face.anyface)
     assert rows(face) == [("ill", 0.5)]
-    # A preset that names no emotion lets them be.
+    # A preset that names no emotion leaves the mixture as it is.
     feel(face, happy=0.6, sad=0.4)
     old.write_text('{"anyface_preset": 1, "values": {"articulation": 0.5}}')
     presets.apply(addon("core.presets").read(old), face.anyface)
     assert rows(face) == [("happy", 0.6), ("sad", 0.4)]
-    # Earlier versions read presets of one emotion.
+    # Earlier versions can read a preset of one emotion, which has no mixture.
     feel(face, sad=0.5)
     bpy.ops.anyface.preset_export(filepath=str(path))
     assert "mixed" not in json.loads(path.read_text())["values"]
@@ -258,7 +258,7 @@ def test_a_take_brings_its_mixture_back(stage, face, addon):
     bring_back = addon("scene.takes.panel_settings").bring_back
     bring_back(face)
     assert rows(face) == [("happy", 0.6), ("sad", 0.4)]
-    # One of an earlier version has one emotion.
+    # A take of an earlier version has only one emotion.
     record = addon("scene.shape_keys.record")
     take_record = record.read(face.data.shape_keys)
     del take_record.asked["anyface"]["mixed"]

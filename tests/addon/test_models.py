@@ -1,4 +1,4 @@
-"""Models of the artist's own: a folder of the preferences, of the scene, of the command."""
+"""The artist's own models: a folder set in the preferences, in the scene or for the command."""
 
 import argparse
 import json
@@ -17,7 +17,7 @@ MODELS = ROOT / "weights"
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with one model, the built-in denoiser, that answers to a title of its own."""
+    """A folder with one model: the built-in denoiser under a title of its own."""
     shutil.copytree(MODELS / "freetalk/ats_compact", tmp_path / "models" / "ats_compact")
     card = tmp_path / "models" / "ats_compact" / "README.md"
     card.write_text("# My own voice\n\nTrained on a day of captures.\n")
@@ -26,7 +26,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def preferences():
-    """Those of the extension, as they were before the test."""
+    """The preferences of the extension. The model folder is empty again after the test."""
     stored = bpy.context.preferences.addons[PACKAGE].preferences
     yield stored
     stored.model_folder = ""
@@ -127,7 +127,7 @@ def test_the_panel_shows_the_cards(addon, folder):
 
 
 class _Layout:
-    """A layout that writes down what is drawn."""
+    """A layout that records what is drawn."""
 
     def __init__(self, drawn, shown=None):
         self.drawn, self.shown = drawn, [] if shown is None else shown

@@ -1,4 +1,4 @@
-"""Open Mouth: lips that are one surface are parted, and all that lies on the mesh goes along."""
+"""Open Mouth parts lips that are one surface. All data on the mesh follows."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ COLUMNS, ROWS = 70, 80
 
 
 def _depths() -> np.ndarray:
-    """Places `[ROWS, COLUMNS, 3]` of the default head seen from the front, +z out of the face."""
+    """Points `[ROWS, COLUMNS, 3]` on the front of the default head. +z points out of the face."""
     points, faces = [], []
     for line in HEAD.read_text().splitlines():
         word, *rest = line.split() or [""]
@@ -29,7 +29,7 @@ def _depths() -> np.ndarray:
         for column, x in enumerate(np.linspace(-0.08, 0.08, COLUMNS)):
             hit = tree.ray_cast(Vector((x, y, 1.0)), Vector((0.0, 0.0, -1.0)))[0]
             places[row, column] = (x, y, -0.02 if hit is None else hit.z)
-    # Rays meet stairs where the lips of the head part; sealed lips have none.
+    # Rays hit a step in depth where the head's lips part. Sealed lips have none, so smooth it.
     depth = np.pad(places[..., 2], 1, mode="edge")
     beside = depth[1:-1, 2:] + depth[1:-1, :-2] + depth[2:, 1:-1] + depth[:-2, 1:-1]
     places[..., 2] = 0.5 * places[..., 2] + 0.125 * beside
@@ -38,7 +38,7 @@ def _depths() -> np.ndarray:
 
 @pytest.fixture
 def mask():
-    """A face of quads whose lips are one surface, facing -Y: texture, group, key, two materials."""
+    """A face of quads, facing -Y, with sealed lips. It has UVs, a group, a key, two materials."""
     places = _depths().reshape(-1, 3)
     number = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
     corners = (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
@@ -79,7 +79,7 @@ def test_the_lips_part_and_everything_goes_along(mask):
     after = np.array([vertex.co for vertex in data.vertices])
     assert len(after) > count + 100
     assert np.abs(after[:count] - before).max() < 1e-7
-    # Far from the mouth polygons stay quads.
+    # Polygons far from the mouth stay quads.
     quads = sum(len(polygon.vertices) == 4 for polygon in data.polygons)
     assert polygons - 200 < quads < polygons
     inside = data.materials.find("Mouth Inside")
@@ -89,7 +89,7 @@ def test_the_lips_part_and_everything_goes_along(mask):
         assert polygon.material_index in (0, 1)
         uvs = {tuple(data.uv_layers["UVMap"].data[loop].uv) for loop in polygon.loop_indices}
         if len(uvs) == 1:
-            # The inner side of a lip has the colour of the rim before it.
+            # The inner side of a lip has the colour of the rim in front of it.
             rolled.update(vertex for vertex in polygon.vertices if vertex >= count)
             continue
         front.update(polygon.vertices)

@@ -1,4 +1,4 @@
-"""Mouth charts in the scene: held keyframes on drawings, and what of the artist's stays."""
+"""Mouth charts in the scene: held keyframes on drawings. The artist's work stays."""
 
 import bpy
 import numpy as np
@@ -7,14 +7,14 @@ import pytest
 from figures import Stage, everything, grid, own_keys, stand_in, tone
 
 LETTERS = "ABCDEFGHX"
-# Start, end in seconds, mouth: at 24 frames a second and a sound at frame 5.
+# Start and end in seconds, mouth. The sound starts at frame 5, with 24 frames a second.
 CHART = [(0.0, 0.25, "X"), (0.25, 0.5, "A"), (0.5, 0.75, "D"), (0.75, 1.0, "A")]
 FRAMES = [4, 11, 17, 23, 29]
 SHOWN = ["X", "A", "D", "A", "X"]
 
 
 class ChartStage(Stage):
-    """A stage that draws one chart, and remembers what it was asked."""
+    """A stage that always draws the same chart and records its calls."""
 
     drawn, refuses = CHART, False
 
@@ -25,26 +25,26 @@ class ChartStage(Stage):
     def chart(
         self, positions, triangles, points, numbers, sound, request, progress, *holds, **more
     ):
-        """The chart; no face on meshes with four corners where it `refuses`."""
+        """The chart. If it `refuses`, it finds no face on meshes of fewer than 1000 vertices."""
         if self.refuses and len(positions) < 1000:
             raise self.error("face", "no face was found")
         self.calls.append((len(positions), request, holds, more))
         return self.drawn
 
     def closes_lips(self, label):
-        """For p, b and m."""
+        """True for p, b and m."""
         return label in ("p", "b", "m", "MBP")
 
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place, in a scene of 24 frames a second."""
+    """A `ChartStage` that replaces the engine, in a scene of 24 frames a second."""
     bpy.context.scene.render.fps = 24
     return stand_in(addon, ChartStage(addon("core.take"), addon("core.errors").AnyfaceError))
 
 
 def speaks(ob, tmp_path):
-    """Gives a sound that begins at frame 5 to an object, and makes it the active one."""
+    """Gives an object a sound that begins at frame 5, and makes the object active."""
     ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "a.wav", seconds=1.0)
     ob.anyface.start_frame = 5
     bpy.context.view_layer.objects.active = ob
@@ -133,7 +133,7 @@ def test_keyframes_of_the_artist_stay(stage, tmp_path):
     bpy.ops.anyface.mouth_chart()
     bpy.ops.anyface.mouth_chart_remove()
     assert value_at(ob, 9, "Smile") == 0.5
-    # On a key of the chart itself they are not written over: the artist is told.
+    # The chart does not overwrite the artist's keyframes on a key that it needs. It tells him.
     smile.keyframe_insert("value", frame=8)
     stored.drawings["D"].drawing = "Smile"
     with pytest.raises(RuntimeError, match="Smile has keyframes of its own"):
@@ -252,7 +252,7 @@ def test_a_number_may_be_a_data_path(stage, tmp_path):
 
 
 def pencil():
-    """A Grease Pencil object with nine frames of one layer, in the data of this Blender."""
+    """A Grease Pencil object with nine frames on one layer, of the kind that this Blender has."""
     if hasattr(bpy.data, "grease_pencils_v3") or bpy.app.version >= (4, 3):
         every = getattr(bpy.data, "grease_pencils_v3", None) or bpy.data.grease_pencils
     else:
@@ -271,7 +271,7 @@ def test_grease_pencil_shows_a_frame_for_each_mouth(stage, tmp_path):
     stored = speaks(ob, tmp_path)
     stored.output = "GREASE_PENCIL"
     assert bpy.ops.anyface.mouth_chart() == {"FINISHED"}
-    # Nobody else is there: the default head spoke.
+    # There is no other face, so the default head spoke.
     assert stage.calls[-1][0] > 1000
     modifiers = ob.grease_pencil_modifiers if ob.type == "GPENCIL" else ob.modifiers
     (modifier,) = modifiers

@@ -1,4 +1,4 @@
-"""The binding against the header, and the library itself."""
+"""Compares the binding with the header, and tests the library itself."""
 
 import ctypes
 import re
@@ -56,7 +56,7 @@ def split(declaration):
 
 
 def functions(library):
-    """Every function of the header: what it returns, what it takes."""
+    """Every function of the header: its name, result type and argument types."""
     pattern = r"([\w \*]+?)\b(anyface_\w+)\(([^)]*)\);"
     for result, name, text in re.findall(pattern, plain(HEADER)):
         words = [] if text.strip() in ("", "void") else text.split(",")
@@ -201,7 +201,8 @@ def test_shapes_are_those_of_the_library(addon, engine):
     moved = np.linspace(0.0, 0.8, 9, dtype=np.float32)[:, None, None] * rig.vectors[jaw]
     solved = engine.solve(rig.names[:52], rig.vectors[:52], [], moved, progress)
     assert solved.weights[-1, jaw] == pytest.approx(0.8, abs=0.05) and solved.left_out < 0.1
-    # On a clip that stays in the library: the same bits as of its copy, in object space.
+    # The weights of a clip that stays in the library equal those of its copy in object space, to
+    # the bit.
     take = addon("core.take")
     at = np.arange(16000) / 16000.0
     tone = 0.5 * np.sin(2 * np.pi * 140.0 * at) * np.sin(2 * np.pi * 2.1 * at) ** 2

@@ -13,12 +13,12 @@ ESCAPE = SimpleNamespace(type="ESC", value="PRESS")
 
 
 class Work:
-    """What runs in the thread: it waits until it is let go."""
+    """The work of the thread: it waits until `let_go` is true."""
 
     let_go = False
 
     def work(self, progress):
-        """Returns 7 in the end."""
+        """Waits, then returns 7."""
         while not self.let_go:
             progress.check("motion", 0.5)
             time.sleep(0.001)
@@ -27,7 +27,7 @@ class Work:
 
 @pytest.fixture
 def operator(addon, monkeypatch):
-    """An operator that notes what it writes, and what it tells."""
+    """An operator that records what it writes and reports."""
     operators = addon("ui.operators")
     window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data)
     monkeypatch.setattr(operators, "bpy", window)

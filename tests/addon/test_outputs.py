@@ -1,4 +1,4 @@
-"""The outputs beside basis keys and every frame: caches, existing keys, ARKit keys, tables."""
+"""The outputs other than basis keys and every frame: caches, existing keys, ARKit keys, tables."""
 
 import json
 from pathlib import Path
@@ -14,12 +14,12 @@ START = 5
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def ready(tmp_path, mode, ob=None, save=True):
-    """A head with a sound file, saved beside it, and the output `mode`."""
+    """A head with a sound file and the output `mode`, saved next to the sound."""
     bpy.context.scene.render.fps = 24
     ob = ob or grid()
     ob.anyface.source, ob.anyface.start_frame = "FILE", START
@@ -178,7 +178,7 @@ def test_an_unsaved_file_and_a_linked_object_are_told_what_helps(stage, tmp_path
 
 
 def arkit_keys(stage, ob):
-    """The stage's shapes as keys of an artist, spelled in his own way."""
+    """Adds the stage's shapes as keys of an artist who spells them in his own way."""
     rig = stage.rig(rest(ob), None, None, None, None, stage_progress())
     ob.shape_key_add(name="Basis", from_mix=False)
     for name, vector in list(zip(rig.names, rig.vectors, strict=True))[: 2 * stage.rank]:
@@ -192,7 +192,7 @@ def arkit_keys(stage, ob):
 def stage_progress():
     class Silent:
         def check(self, *_):
-            """Goes on."""
+            """Never cancels."""
 
     return Silent()
 

@@ -1,4 +1,4 @@
-"""Every panel is drawn on paper: a layout that knows what Blender's own takes."""
+"""Draws every panel on `Paper`, a layout that accepts only what Blender's own accepts."""
 
 import tomllib
 from types import SimpleNamespace
@@ -8,7 +8,7 @@ import pytest
 
 from figures import grid, own_keys, stand_in, tone
 
-# The stages that the library tells of, and words that no artist should meet.
+# The stages that the library reports, and words that no artist should see.
 STAGES = ["sound", "speech", "motion", "landmarks", "operators", "weights", "deform", "compress"]
 STAGES += ["sliders", "rig", "solve", "write"]
 JARGON = (
@@ -29,7 +29,7 @@ ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_ite
 
 
 class Paper:
-    """Takes what `UILayout` takes, and remembers texts and greyed properties."""
+    """Accepts what `UILayout` accepts, and records texts and greyed properties."""
 
     def __init__(self, words, enabled=True):
         self.__dict__.update(words=words, enabled=enabled)
@@ -60,7 +60,7 @@ class Paper:
 
 
 def draw_all(addon):
-    """Draws every panel of the extension; the words by panel."""
+    """Draws every panel of the extension. Returns the words of each panel."""
     context = SimpleNamespace(
         scene=bpy.context.scene,
         object=bpy.context.object,
@@ -83,7 +83,7 @@ def draw_all(addon):
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     stand_in(addon)
     bpy.context.window_manager.anyface_more = True
 
@@ -165,7 +165,7 @@ def test_words_of_research_are_shown_to_whoever_wants_them(addon, stage, monkeyp
     controls = systems.by_name(system).controls
     names = [c.name for c in controls if any(word in c.name for word in RESEARCH)]
     assert names and not set(names) & set(shown) and "articulation" in shown
-    # What somebody has changed does not act unseen.
+    # A control that somebody has changed is shown, so that it never acts unseen.
     first = next(c for c in controls if c.name in names and not c.choices)
     name = first.name
     other = first.high if first.default < first.high else first.low
@@ -203,7 +203,7 @@ def test_the_first_screen_suffices_and_more_is_closed(addon, stage, tmp_path):
     assert words[-1] == "More" and "Generate" in words
     assert {"Style", "Natural", "Emotion"} <= set(words)
     assert sum(map(len, draw_all(addon).values())) == len(draw_all(addon)["ANYFACE_PT_main"])
-    # A line is 26 pixels high at most, and the sidebar at 1280 x 800 has 620.
+    # A line is at most 26 pixels high, and the sidebar is 620 pixels high at 1280 x 800.
     assert len(words) <= 12
 
 
@@ -284,7 +284,7 @@ def test_the_manual_is_there_without_internet(addon, stage, installed):
 
 def test_the_manifest_tells_what_is_true(installed):
     manifest = tomllib.loads((installed / "blender_manifest.toml").read_text(encoding="utf-8"))
-    # There is no page of it yet.
+    # The extension has no website yet.
     assert "website" not in manifest
     assert manifest["copyright"][0] == "2026 The Anyface authors"
     files = manifest["permissions"]["files"]
@@ -332,7 +332,7 @@ def test_lengths_are_those_of_the_face_that_is_there(addon, stage, tmp_path):
         assert bpy.ops.anyface.generate() == {"FINISHED"}
         assert f"moves by up to {said}" in ob.anyface.report_details
         assert ("mm" in ob.anyface.report_details) == (scale == 0.2)
-    # Units of the scene count: 40 of them may be centimetres.
+    # The scene's unit scale counts: here 40 units are 40 centimetres.
     bpy.context.scene.unit_settings.scale_length = 0.01
     ob = grid(scale=40.0)
     ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")

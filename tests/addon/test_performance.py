@@ -11,7 +11,7 @@ from figures import grid, stand_in, tone
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -25,13 +25,13 @@ def face(tmp_path):
 
 
 def drive(ob, name, expression):
-    """A driver on a slider."""
+    """Puts a driver on a slider."""
     driver = ob.driver_add(f"anyface.{name}").driver
     driver.expression = expression
 
 
 def last_request(stage):
-    """The request that the library was asked for."""
+    """The last request that the library received."""
     return stage.calls[-1][5]
 
 
@@ -85,7 +85,7 @@ def test_sliders_of_a_whole_take_cannot_be_keyed(face):
 
 
 # Name: least, largest and default value, and whether it may have keys. Old .blend files, drivers
-# and presets count on these.
+# and presets depend on these.
 STORED = {
     "articulation": (0.0, 2.0, 1.0, True),
     "jaw": (0.0, 2.0, 1.0, True),

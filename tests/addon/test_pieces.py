@@ -1,4 +1,4 @@
-"""Teeth and eyes that are objects of their own, on a real head with the library itself."""
+"""Teeth and eyes as separate objects, on a real head with the real library."""
 
 import bpy
 import numpy as np
@@ -8,7 +8,7 @@ from test_heads import LANDMARKS, import_head, loudest_s, ready, voice  # noqa: 
 
 
 def place(ob, number, inwards):
-    """The world's place of a landmark, moved into the head by `inwards` metres."""
+    """The world position of a landmark, moved into the head by `inwards` metres."""
     return ob.matrix_world @ ob.data.vertices[LANDMARKS[number]["vertex"]].co + _along_y(inwards)
 
 
@@ -19,7 +19,7 @@ def _along_y(metres):
 
 
 def with_parts(ob):
-    """Lower teeth and an eyeball as objects beside the head, in its collection."""
+    """Adds lower teeth and an eyeball as separate objects in the collection of the head."""
     bpy.ops.mesh.primitive_cube_add(size=0.02, location=place(ob, 66, 0.02))
     teeth = bpy.context.object
     teeth.name = "Teeth_lower"

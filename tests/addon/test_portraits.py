@@ -1,4 +1,4 @@
-"""Every emotion drawn on a face, and mixtures on it, with the extension's own library."""
+"""Pictures of every emotion on a face, and takes of mixtures, with the extension's own library."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ START = 1
 
 @pytest.fixture(autouse=True)
 def no_pictures(addon):
-    """Nothing was drawn before."""
+    """Deletes the pictures that were drawn before."""
     folder = addon("ui.preferences").cache_folder() / "emotions"
     shutil.rmtree(folder, ignore_errors=True)
     yield
@@ -29,7 +29,7 @@ def no_pictures(addon):
 
 @pytest.fixture
 def head():
-    """The default head, picked."""
+    """The default head, selected."""
     ob = import_head()
     select(ob)
     return ob
@@ -37,7 +37,7 @@ def head():
 
 @pytest.fixture
 def pictures(addon):
-    """`pictures(ob)` are the pixels `[128, 128, 4]` of the emotions that `ob` shows, by name."""
+    """`pictures(ob)` gives the pixels `[128, 128, 4]` of the picture of each emotion, by name."""
 
     def read(ob):
         shown = addon("ui.pictures").of(ob)
@@ -60,7 +60,7 @@ def draw():
 
 
 def changed(monkeypatch, addon):
-    """The names of the engines' calls from now on that animate."""
+    """A list that gets the request of every `animate` call from now on."""
     calls, engine = [], addon("core.native").Engine
     animate = engine.animate
 
@@ -93,7 +93,7 @@ def test_pictures_are_drawn_once(addon, head, pictures, monkeypatch):
     draw()
     assert len(calls) == 1
     assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == times
-    # A file that is opened again finds them, too.
+    # A file that is opened again finds its pictures, too.
     path = bpy.app.tempdir + "head.blend"
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -102,7 +102,7 @@ def test_pictures_are_drawn_once(addon, head, pictures, monkeypatch):
     assert addon("ui.pictures").of(ob) is None
     draw()
     assert len(calls) == 1 and addon("ui.pictures").of(ob).folder == folder
-    # One that is lost is drawn again.
+    # A picture that is lost is drawn again.
     (folder / "happy.png").unlink()
     draw()
     assert len(calls) == 2
@@ -128,7 +128,7 @@ def test_another_mesh_or_intensity_is_drawn_anew(addon, head, pictures, monkeypa
     draw()
     assert len(calls) == 3
     assert np.abs(pictures(head)["happy"] - full["happy"]).max() > 0.1
-    # What only a take has is no reason.
+    # Settings that only affect takes are no reason to draw again.
     head.anyface.seed, head.anyface.head_motion, head.anyface.emotion = 7, 0.3, "sad"
     draw()
     assert len(calls) == 3
@@ -141,7 +141,7 @@ def test_the_choice_shows_pictures_and_sets_the_emotion(addon, head):
     assert settings.emotion_face == "neutral"
     draw()
     items = module.items(settings, bpy.context)
-    # Without a window Blender gives pictures no numbers, and reads them all the same.
+    # Without a window Blender gives pictures no icon numbers, but it still reads them.
     if not bpy.app.background:
         assert len({icon for *_, icon, _ in items} - {0}) == 15
     folder = module.of(head).folder
@@ -247,14 +247,14 @@ def test_a_picture_shows_what_is_in_front_and_the_inside_dark(addon):
         points, faces = cube(hollow)
         drawn[hollow] = picture.draw(points, faces, view, 64)
         assert drawn[hollow].shape == (64, 64, 4) and drawn[hollow].dtype == np.uint8
-        # Half of the picture on each side is the cube.
+        # The cube fills half of the picture's width and half of its height.
         assert drawn[hollow][17:47, 17:47, 3].min() == 255
         assert drawn[hollow][:15, :, 3].max() == 0 and drawn[hollow][:, 49:, 3].max() == 0
-        # Turned inside out as a whole, it looks the same.
+        # With all triangles turned inside out it looks the same.
         assert np.array_equal(drawn[hollow], picture.draw(points, faces[:, ::-1], view, 64))
     front, inside = (drawn[hollow][20:44, 20:44, 0].mean() for hollow in (False, True))
     assert inside < 0.4 * front
-    # What is nearer hides it: a small cube in the middle, and what is behind it.
+    # A small, nearer cube in the middle hides the part of the large cube behind it.
     points, faces = cube(False)
     small = 0.5 * points + [0.0, 0.0, 3.0]
     both = picture.draw(
@@ -263,7 +263,7 @@ def test_a_picture_shows_what_is_in_front_and_the_inside_dark(addon):
     alone = picture.draw(small, faces, view, 64)
     assert np.array_equal(both[26:38, 26:38], alone[26:38, 26:38])
     assert np.array_equal(both[17:23, 17:23], drawn[False][17:23, 17:23])
-    # Its upper left is lighter than its lower right.
+    # The upper left of the cube is lighter than its lower right.
     assert drawn[False][20, 20, 0] > drawn[False][44, 44, 0]
 
 
@@ -279,7 +279,7 @@ def test_a_png_holds_the_pixels(addon, tmp_path):
 
 
 def test_a_stage_without_life_is_told(addon):
-    """Whatever breaks the drawing, the artist is told and nothing is shown."""
+    """If the drawing fails, the artist is told and no picture is shown."""
     stand_in(addon)
     grid()
     with pytest.raises(RuntimeError):
@@ -289,7 +289,7 @@ def test_a_stage_without_life_is_told(addon):
 
 @pytest.fixture
 def speaking(head, tmp_path):
-    """The default head with a voice and nothing that moves it by chance."""
+    """The default head with a voice and no random motion."""
     settings = head.anyface
     settings.source, settings.start_frame = "FILE", START
     settings.sound_file = test_emotion_of.voice(tmp_path / "voice.wav", 110.0, 0.02)
@@ -303,7 +303,7 @@ def generate(ob):
 
 
 def film_of_mixture(ob, text):
-    """The take of a mixture in some frames `[N, V, 3]`."""
+    """Some frames `[N, V, 3]` of a take with this mixture."""
     (first, weight), *others = (item.split(":") for item in text.split(","))
     ob.anyface.emotion, ob.anyface.intensity = first, float(weight)
     ob.anyface.mixture.clear()

@@ -1,4 +1,4 @@
-"""Redo between two markers, and what is heard as strips that can be mended."""
+"""Redo between two markers, and heard sounds as strips that the artist can correct."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ SECONDS = 2.0
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
@@ -31,7 +31,7 @@ def spoken(tmp_path, mode="basis"):
 
 
 def keyframes(ob):
-    """Frame and value of every keyframe by data path, bit by bit."""
+    """The exact frame and value of every keyframe, by data path."""
     rows = {}
     for curve in curves(ob.data.shape_keys.animation_data.action):
         points = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
@@ -61,7 +61,7 @@ def test_every_keyframe_outside_stays_to_the_bit_and_those_inside_are_new(stage,
 def test_the_new_stretch_shows_the_motion_that_was_asked_for(addon, stage, tmp_path):
     ob = spoken(tmp_path)
     ob.anyface.seed = 5
-    # Another seed draws other shapes: the keys of the take cannot show them.
+    # Another seed gives other shapes, which the keys of the take cannot show.
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     assert "more keys" in ob.anyface.report
     from figures import motion
@@ -191,7 +191,7 @@ def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
 
 
 def with_words(tmp_path):
-    """Strips of closures and words; the first closure lies in the first word, `bob`."""
+    """A face with strips of words and closures. The first closure lies in the first word, `bob`."""
     ob = spoken(tmp_path)
     bpy.context.scene.anyface.text = "bob said hello"
     assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
@@ -233,7 +233,7 @@ def test_closures_go_with_their_word_and_redo_is_about_its_stretch(stage, tmp_pa
     for path, points in keyframes(ob).items():
         far = (before[path][:, 0] < start - 1) | (before[path][:, 0] > end + 1)
         assert far.any() and np.array_equal(before[path][far], points[far])
-    # What went along is where it was put: nothing has moved since.
+    # The closure that moved with its word stays there, and nothing counts as moved any more.
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert requested_closures(stage)[1] == [1.02, 1.06]
     with pytest.raises(RuntimeError, match="no stretch to redo"):

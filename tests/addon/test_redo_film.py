@@ -1,4 +1,4 @@
-"""Redo of takes that are kept frame by frame: caches, every frame, tables; and on rigs."""
+"""Redo of takes stored frame by frame (caches, every frame, tables) and of takes on rigs."""
 
 from pathlib import Path
 
@@ -16,19 +16,19 @@ OUTSIDE = [*range(1, FIRST + 1), *range(LAST, 75)]
 
 @pytest.fixture
 def engine(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def mark(first=FIRST, last=LAST):
-    """The preview range."""
+    """Sets the preview range."""
     scene = bpy.context.scene
     scene.use_preview_range = True
     scene.frame_preview_end, scene.frame_preview_start = last, first
 
 
 def spoken(tmp_path, mode, parts=True):
-    """A face with teeth and a take of a tone, and a stretch."""
+    """A face with teeth and a take of a tone. A stretch of it is marked for redo."""
     bpy.context.scene.render.fps = FPS
     ob = grid()
     ob.anyface.source, ob.anyface.start_frame = "FILE", START
@@ -47,7 +47,7 @@ def spoken(tmp_path, mode, parts=True):
 
 
 def asked_for(engine, vertices):
-    """The motion of seed 5."""
+    """The motion that the stage makes with seed 5."""
     return motion(int(SECONDS * FPS), vertices, engine.rank, engine.size, 5)
 
 
@@ -149,10 +149,10 @@ def rig_keyframes(ob):
 
 
 class Other(Waves):
-    """Long waves in a stretch as well, which another seed turns round."""
+    """`Waves` that can also animate a stretch. Seed 5 reverses its direction."""
 
     def animate_stretch(self, positions, *arguments, rows):
-        """Some frames of `animate`."""
+        """The frames `rows` of `animate`."""
         *rest, sound, request, progress = arguments
         animation = self.animate(positions, *rest, sound, request, progress)
         sign = -1.0 if request.seed == 5 else 1.0

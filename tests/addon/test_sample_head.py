@@ -39,7 +39,7 @@ def test_it_stands_upright_at_the_cursor_and_is_the_face_of_the_panel(addon):
         name.split()[-1]: centres[[p.material_index == n for p in ob.data.polygons]].mean(axis=0)
         for n, name in enumerate(names)
     }
-    # It looks along -Y: pupils lie before the teeth, and above the lips.
+    # It looks along -Y: the pupils are in front of the teeth and above the lips.
     assert by_name["pupil"][1] < by_name["teeth"][1] < centres[:, 1].max()
     assert by_name["pupil"][2] > by_name["lips"][2]
     outward = sum(p.normal.y < 0 for p in ob.data.polygons if p.center.y < -0.5)
@@ -74,7 +74,7 @@ def test_a_character_has_a_face_and_hair_that_follows_it(addon, character):
     (hair,) = ob.children
     assert hair.location.length == 0.0 and not hair.data.validate()
     head, cap = corners(ob), corners(hair)
-    # It covers the crown and the back, and leaves the lower half of the face.
+    # The hair covers the crown and the back of the head and leaves the lower half of the face free.
     assert cap[:, 2].max() > head[:, 2].max() and cap[:, 1].max() > head[:, 1].mean()
     front = cap[cap[:, 1] < np.median(head[:, 1])]
     assert (front[:, 2] > head[:, 2].mean()).all()

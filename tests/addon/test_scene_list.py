@@ -1,4 +1,4 @@
-"""A whole scene in one press."""
+"""Generates a whole scene with one press."""
 
 import bpy
 import numpy as np
@@ -11,12 +11,12 @@ NAMES = ("Ann", "Bob", "Cy")
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A `Stage` that replaces the engine."""
     return stand_in(addon)
 
 
 def scene_of_three(tmp_path, addon):
-    """Three heads of different meshes and strips, in a list."""
+    """Three heads with different meshes and strips, in the list of the scene."""
     for number, name in enumerate(NAMES):
         path = tone(tmp_path / f"{name}.wav", seconds=1.0 + number, hertz=200 + 50 * number)
         try:

@@ -12,13 +12,13 @@ from figures import Stage, curves, everything, film, grid, motion, shape, stand_
 START = 5
 FPS = 24
 NAMES = ("articulation", "emotion", "blinks")
-# The property on the panel.
+# The name of the property on the panel, where it differs.
 PROPERTY = {"blinks": "closing"}
 
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place, whose takes have all sliders."""
+    """A `Stage` that replaces the engine. Its takes have all sliders."""
     stage = Stage(addon("core.take"))
     stage.sliders = NAMES
     stand_in(addon, stage)
@@ -44,7 +44,7 @@ def values(ob):
 
 
 def expected_face(addon, stage, position, name, frame):
-    """What the face shows at a frame of the take with one slider at `position`: `[V, 3]`."""
+    """The displacements `[V, 3]` at a frame of the take with one slider at `position`."""
     moved = motion(2 * FPS, 144, stage.rank, stage.size)
     take_basis = figures.basis(stage.take_module, moved)
     changes = figures.sliders(addon("core.sliders"), NAMES, take_basis.weights)

@@ -10,13 +10,13 @@ RATE = 16000
 
 
 def ramp(path, seconds=4.0):
-    """A sound whose value tells its time: `value = time / 10`."""
+    """A sound whose samples tell their time: `value = time / 10`."""
     write_wav(path, np.arange(int(seconds * RATE)) / RATE / 10.0, RATE)
     return str(path)
 
 
 def with_length(path, frame=11):
-    """A strip, or a skipped test: 4.2 as a Python module has no sound."""
+    """Adds a strip. Skips the test without sound, as in Blender 4.2 as a Python module."""
     try:
         return strip(path, frame=frame)
     except RuntimeError as error:
@@ -72,7 +72,7 @@ def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
     voice.select, other.select = True, False
     with bpy.context.temp_override(**addon("scene.sound.sequencer").override(scene)):
         set_speed = bpy.ops.sequencer.retiming_segment_speed_set
-        # Gone in 5.2, which always does as if it were false.
+        # Blender 5.2 no longer has this option and always behaves as if it were false.
         known = "keep_retiming" in set_speed.get_rna_type().properties
         set_speed(speed=200, **({"keep_retiming": False} if known else {}))
     assert voice.frame_final_duration == pytest.approx(48, abs=1)

@@ -1,4 +1,4 @@
-"""A cache of a linked character whose library has changed since says so, wherever one looks."""
+"""When the library of a linked character changes, its stale cache is reported everywhere."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ from test_panels import Paper
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A stage that stands in for the engine."""
     return stand_in(addon)
 
 
@@ -26,7 +26,7 @@ def change(path, how):
 
 @pytest.fixture
 def shot(stage, tmp_path):
-    """A saved shot with a linked character whose cache plays; the library lies beside it."""
+    """A saved shot in which a linked character plays its cache; the library is beside it."""
     grid()
     library, shot = str(tmp_path / "library.blend"), str(tmp_path / "shot.blend")
     bpy.ops.wm.save_as_mainfile(filepath=library)

@@ -1,4 +1,4 @@
-"""Several takes on one character: kept, switched, renamed, pushed down, deleted."""
+"""Several takes on one character: keep, switch, rename, push down, delete."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ START = 5
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A stage that stands in for the engine."""
     return stand_in(addon)
 
 
@@ -39,7 +39,7 @@ def artist_curves(ob):
 
 
 def two_takes(stage, ob):
-    """Two takes of different size; the faces of the first and the second at one frame."""
+    """Generates two takes of different size; returns the face of each at the same frame."""
     ob.anyface_output.new_take = True
     faces = []
     for size in (0.004, 0.008):
@@ -167,7 +167,7 @@ def test_takes_of_existing_keys_switch_between_actions(addon, stage, tmp_path):
 
 class Silent:
     def check(self, *_):
-        """Goes on."""
+        """Never cancels."""
 
 
 def test_one_key_per_frame_takes_no_company(addon, stage, tmp_path):

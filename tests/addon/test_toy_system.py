@@ -1,6 +1,6 @@
-"""A system that the extension has never heard of, found in the library by its registry alone.
+"""The extension finds a system that it does not know through the library's registry alone.
 
-The Rust tests build that library (tests/systems/main.rs); where they did not, this is skipped.
+The Rust tests build that library (tests/systems/main.rs). Without it the test is skipped.
 """
 
 import math
@@ -18,7 +18,7 @@ from conftest import ROOT, zip_path
 _TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 _LIBRARY = _TARGET / "debug" / "libanyface_toy.so"
 _HEAD = ROOT / "weights/shared/default_head"
-# What an artist does, in a Blender of its own: the library is loaded once for each process.
+# The steps of an artist, in a separate process: a process loads the library only once.
 _SCRIPT = """
 import importlib, sys
 import bpy, numpy as np
@@ -63,5 +63,5 @@ def test_a_system_of_the_registry_alone_moves_a_head(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     _, keys, largest = next(s for s in done.stdout.splitlines() if s.startswith("LARGEST")).split()
-    # 20 mm on a head whose unit is the metre.
+    # The chin drops by up to 20 mm, and the head is in metres.
     assert int(keys) > 30 and 0.01 < float(largest) < 0.03, done.stdout

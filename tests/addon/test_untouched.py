@@ -1,4 +1,4 @@
-"""Nothing of the artist's is lost: the buttons, on the installed zip, on every state of a face."""
+"""The buttons of the installed zip lose none of the artist's work, in any state of a face."""
 
 import gc
 import importlib
@@ -20,12 +20,12 @@ from test_keys import artist_action, artist_driver, artist_keys, artist_nla
 
 @pytest.fixture
 def stage(addon):
-    """A stage in the engine's place."""
+    """A stage that stands in for the engine."""
     return stand_in(addon)
 
 
 def artist_armature(ob):
-    """A head that a posed bone carries and an armature deforms."""
+    """A head with keys that an armature with a posed bone deforms."""
     rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
     bpy.context.scene.collection.objects.link(rig)
     bpy.context.view_layer.objects.active = rig
@@ -42,7 +42,7 @@ def artist_armature(ob):
 
 
 def artist_constraint(ob):
-    """Keys under a lattice of constraints: a parent, a scale that is not even, a negative one."""
+    """Keys on an object with a rotated parent and an uneven, partly negative scale."""
     parent = bpy.data.objects.new("Parent", None)
     bpy.context.scene.collection.objects.link(parent)
     ob.parent, ob.scale = parent, (-1.0, 2.0, 0.5)
@@ -51,7 +51,7 @@ def artist_constraint(ob):
 
 
 def artist_pinned(ob):
-    """One key shown alone, others muted, ranges of their own."""
+    """Solo is on, one key is muted, and one key has a range of its own."""
     artist_keys(ob)
     ob.show_only_shape_key = True
     blocks = ob.data.shape_keys.key_blocks
@@ -65,7 +65,7 @@ def artist_sculpt(ob):
 
 
 def artist_object_animation(ob):
-    """Curves and drivers on the object itself, and on the panel's own sliders."""
+    """A curve and a driver on the object itself, and a curve on a slider of the panel."""
     ob.keyframe_insert("location", frame=1)
     ob.anyface.intensity = 0.4
     ob.keyframe_insert("anyface.intensity", frame=1)
@@ -83,7 +83,7 @@ ARTISTS = [
 
 
 def speaking(ob, tmp_path):
-    """Two seconds of sound from frame 1 on."""
+    """Gives `ob` two seconds of sound from frame 1 on, and makes it the scene's character."""
     bpy.context.scene.render.fps = 24
     ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "a.wav")
     bpy.context.scene.anyface.character = ob
@@ -139,7 +139,7 @@ def test_a_key_that_is_shown_alone_is_pointed_out(stage, tmp_path):
 
 
 def library(tmp_path):
-    """A file with a head in it, and an empty file to link it into."""
+    """A head that is linked from a library file into an empty file."""
     grid("Head")
     return link_from_library("Head", tmp_path)
 
@@ -251,7 +251,7 @@ def test_files_are_written_in_its_own_user_folder_only(addon):
     users = Path(os.environ["XDG_CACHE_HOME"])
     addon("ui.running")._engines.clear()
     ob, before = import_head(), sorted(users.rglob("*"))
-    # A mesh that no other test has shown to the library.
+    # No other test has given this mesh to the library, so no result for it is in the cache.
     ob.data.vertices[0].co.x += 1e-4
     bpy.ops.anyface.find_face()
     cache = Path(bpy.utils.extension_path_user(PACKAGE, path="cache"))
@@ -339,7 +339,7 @@ def test_a_cancelled_job_ends_before_its_engine_is_freed(addon):
     threading.Timer(0.2, free.set).start()
     running.stop()
     assert started.done and order == ["ended", "freed"]
-    # Nothing keeps what it holds.
+    # Nothing keeps a reference to the job.
     there = weakref.ref(started)
     del started
     gc.collect()

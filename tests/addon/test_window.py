@@ -1,7 +1,7 @@
-"""The panel under mouse and keys in a real Blender window.
+"""Operates the panel with mouse and keyboard in a real Blender window.
 
-`ANYFACE_BLENDER` names the executable; it must lie in a folder with `enter`, as
-packaging/chroot.sh makes it. `ANYFACE_PHOTOGRAPHS` names a folder that keeps the pictures.
+`ANYFACE_BLENDER` names the executable. Its folder must hold the script `enter`, which
+packaging/chroot.sh makes. `ANYFACE_PHOTOGRAPHS` names a folder for the pictures.
 """
 
 import os
@@ -39,21 +39,21 @@ bpy.ops.ed.undo_push(message="scene")
 answer = len(ob.data.vertices)
 """
 TAB = "_, _, _, side = area_of('VIEW_3D')\nside.active_panel_category = 'Anyface'"
-# What a script has changed is drawn only then.
+# Blender draws what a script has changed only after this.
 REDRAW = "area_of('VIEW_3D')[1].tag_redraw()"
 MORE = "bpy.context.window_manager.anyface_more = {}"
 
 
 @pytest.fixture(scope="module")
 def photographs(tmp_path_factory):
-    """Where pictures go."""
+    """The folder for the pictures."""
     folder = os.environ.get("ANYFACE_PHOTOGRAPHS")
     return Path(folder) if folder else tmp_path_factory.mktemp("photographs")
 
 
 @pytest.fixture(scope="module")
 def screen(tmp_path_factory, voice):  # noqa: F811
-    """Blender with a head, a strip and the panel in sight."""
+    """A Blender window that shows a head, a strip and the panel."""
     path = os.environ.get("ANYFACE_BLENDER")
     enter = Path(path).with_name("enter") if path else None
     if enter is None or not enter.exists():
@@ -100,7 +100,7 @@ def test_a_performance_is_made_undone_redone_saved_reloaded_and_removed(screen, 
 def test_all_of_the_first_screen_is_in_sight_and_more_opens_with_a_click(screen, photographs):
     open_more = "answer = bpy.context.window_manager.anyface_more"
     x, y = screen.find("anyface.generate")
-    # Below the button, whose upper edge was found.
+    # `find` gives the upper edge of the button. *More* is below the button.
     for below in range(34, 90, 6):
         screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
         if screen.ask(open_more):
@@ -175,7 +175,7 @@ def test_a_take_that_breaks_while_it_is_written_leaves_the_earlier_one(screen):
 
 
 def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voice):  # noqa: F811
-    # Ten minutes of sound, long enough to be stopped.
+    # Ten minutes of sound take long enough to stop the job while it runs.
     _, samples, rate = voice
     write_wav(screen.folder / "long.wav", np.resize(samples, 600 * rate), rate)
     screen.ask(

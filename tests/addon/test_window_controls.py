@@ -1,9 +1,10 @@
-"""A rig is fitted in steps, undone, listed and stopped in a real window (see test_window)."""
+"""Generates on a rig, undoes, lists controls and cancels in a real window (see test_window)."""
 
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, photographs, screen  # noqa: F401 - fixtures
 
-# A jaw that turns below the mouth, and a bone of the upper lip, on a head that holds the rest.
+# The jaw bone moves the part below the mouth, the lip bone moves the upper lip, and the head bone
+# holds the rest.
 RIG = """
 import mathutils
 ob = bpy.data.objects["Head"]

@@ -5,7 +5,7 @@ from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, REDRAW, photographs, screen  # noqa: F401 - fixtures
 from test_window_page import OPEN
 
-# Where the small button at the end of a line is.
+# Position of the small button at the end of a line, as a share of the sidebar's width.
 RIGHT = 0.84
 FACE = "bpy.data.objects['Head'].anyface"
 PICTURES = """
@@ -20,7 +20,7 @@ SHOWN = (
     ".of(bpy.data.objects['Head'])"
 )
 
-# The faces would push the plot out of sight.
+# Removes the pictures of the faces, which would push the plot out of sight.
 PICTURES_AWAY = "importlib.import_module('bl_ext.user_default.anyface.ui.pictures')._shown.clear()"
 PLOT = """
 import importlib
@@ -51,7 +51,7 @@ def test_emotions_are_mixed_and_drawn(screen: Screen, photographs):  # noqa: F81
     screen.hand("sleep", "1")
     screen.photograph(photographs / "emotion_3_drawn.png")
     x, y = screen.find("anyface.draw_emotions")
-    # The picture is below the button; a click on it shows all.
+    # The picture is below the button. A click on it shows all pictures.
     screen.hand("mousemove", x + 40, y + 80, "sleep", "0.2", "click", 1, "sleep", "1.5")
     screen.photograph(photographs / "emotion_4_choice.png")
     screen.hand("key", "Escape")

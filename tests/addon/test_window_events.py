@@ -1,6 +1,6 @@
-"""Events in a real window: strips above the voice, a marker, and the panel with what it understood.
+"""Events in a real window: strips above the voice, a marker, and how the panel understands them.
 
-`ANYFACE_PHOTOGRAPHS` keeps the pictures.
+The pictures go to the folder `ANYFACE_PHOTOGRAPHS`.
 """
 
 from screen import WITHOUT_PROPERTIES
@@ -10,7 +10,7 @@ from test_window_page import OPEN, SEQUENCER, VIEW_ALL
 
 HEAD = "bpy.data.objects['Head']"
 LENGTH = 16
-# Frame and expression of each event; the last one says nothing to a face.
+# Frame and expression of each event.
 WANTED = ((14, "smile"), (36, "wink"), (57, "sarcastic laugh"))
 ADD = """
 bpy.context.scene.frame_set({frame})
@@ -29,7 +29,7 @@ PLACES = f"answer = [(s.text, s.frame_final_start, s.frame_final_end) for s in {
 
 def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs):  # noqa: F811
     screen.ask(f"{HEAD}.anyface.system = 'cafe-talk'\n{MORE.format(True)}\n{REDRAW}")
-    # Names of markers cover the lowest channel.
+    # The names of markers cover the lowest channel, so the voice moves up.
     screen.ask("bpy.context.scene.sequence_editor.sequences_all[0].channel = 2")
     channels = {
         screen.ask(ADD.format(frame=frame, expression=expression, head=HEAD))
@@ -53,7 +53,7 @@ def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs): 
     screen.ask(VIEW_ALL)
     screen.ask(TAB + "\n" + REDRAW)
     screen.hand("sleep", "0.5")
-    # Esc while it is made leaves strips and keys as they were.
+    # Esc during the run leaves strips and keys as they were.
     before = screen.ask(PLACES)
     screen.press("anyface.generate")
     screen.hand("mousemove", "400", "300", "key", "Escape")

@@ -1,4 +1,4 @@
-"""Find Face, and landmarks dragged with the mouse, in a real Blender window (see test_window)."""
+"""Finds the face and drags landmarks with the mouse in a real window (see test_window)."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from screen import HEAD_AND_SIDEBAR
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, photographs, screen  # noqa: F401 - fixtures
 
-# Pixels from the top left of the screen, and metres, of a landmark in the 3D view.
+# Answers the pixel of a landmark in the 3D view, from the top left of the screen; the positions of
+# all landmarks in metres; the numbers of those placed by hand; the mean confidence.
 LOOK = """
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
@@ -26,7 +27,7 @@ STORED = "'anyface_landmarks' in bpy.data.objects['Head'] and not running()"
 
 
 def look(screen, number=48):  # noqa: F811
-    """Pixel of a landmark, positions of all, numbers of those put by hand, mean confidence."""
+    """Pixel of a landmark, positions of all, numbers of those placed by hand, mean confidence."""
     return screen.ask(LOOK.format(number=number))
 
 
@@ -80,7 +81,7 @@ def test_five_clicks_make_a_face_and_undo_takes_it_away(screen, photographs):  #
     screen.photograph(photographs / "10_five_points.png")
     assert fixed == sorted(numbers)
     away = np.linalg.norm(np.array(after) - np.array(before), axis=1)
-    # A pixel is about a millimetre; what was not clicked is found as well as before.
+    # A pixel is about a millimetre. The search finds the other landmarks as well as before.
     assert away[numbers].max() < 0.006 and away.mean() < 0.01
     screen.hand("key", "ctrl+z", "sleep", "0.5")
     screen.wait("'anyface_landmarks' not in bpy.data.objects['Head']")

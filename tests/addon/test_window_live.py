@@ -1,4 +1,4 @@
-"""*Live* in a real Blender window: pressed, played, pressed again."""
+"""Turns *Live* on, plays, and turns it off again in a real Blender window."""
 
 from itertools import pairwise
 
@@ -8,10 +8,10 @@ from screen import Screen
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import REDRAW, photographs, screen  # noqa: F401 - fixtures
 
-# The button is a small one, at the right end of its row.
+# Position of the small button at the right end of its row, as a share of the sidebar's width.
 RIGHT = 0.77
 IS_LIVE = "any('Anyface Live' in keys.key_blocks for keys in bpy.data.shape_keys)"
-# How often the picture changed while it played, and how far the face lies behind the playhead.
+# Notes the scene frame and the time of every frame change.
 WATCH = """
 import time
 frames = bpy.app.driver_namespace.setdefault("frames", [])

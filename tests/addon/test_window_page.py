@@ -1,6 +1,7 @@
-"""docs/blender.md followed in a real window, from the sample head to a file for an engine.
+"""Follows docs/blender.md in a real window, from the sample head to a file for an engine.
 
-Every press is one that the page names, in its order. `ANYFACE_PHOTOGRAPHS` keeps the pictures.
+The tests press the buttons that the page names, in its order. The pictures go to the folder
+`ANYFACE_PHOTOGRAPHS`.
 """
 
 import json
@@ -16,7 +17,8 @@ from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, REDRAW, photographs, screen  # noqa: F401 - fixtures
 
 PACKAGE = "bl_ext.user_default.anyface"
-# Opens these panels and no others, as clicks on their headers do; before they are first drawn.
+# Opens these panels and closes the others, as clicks on their headers would. Each panel gets a new
+# `bl_idname`, because the option counts only until a panel is first drawn.
 OPEN = """
 import importlib
 addon = importlib.import_module('bl_ext.user_default.anyface')
@@ -30,7 +32,7 @@ for cls in [cls for cls in addon._CLASSES if issubclass(cls, bpy.types.Panel)]:
     cls.bl_idname = cls.__name__ + '{suffix}'
     bpy.utils.register_class(cls)
 """
-# The sequencer below the 3D view, and all strips in sight.
+# Opens the sequencer below the 3D view. `VIEW_ALL` then brings all strips into sight.
 SEQUENCER = """
 window, area, region, _ = area_of('VIEW_3D')
 with bpy.context.temp_override(window=window, area=area, region=region):
@@ -94,7 +96,7 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
     assert screen.ask(ADD_HEAD) == "MESH"
     screen.hand("sleep", "0.5")
     assert not screen.ask("answer = bpy.ops.anyface.generate.poll()"), "no sound yet"
-    # Choose a Sound File… opens the file browser, which takes a path.
+    # Choose a Sound File… opens the file browser. The test closes it and passes a path instead.
     screen.press("anyface.choose_sound")
     window_count = "len(bpy.context.window_manager.windows)"
     screen.wait(f"{window_count} > 1 or any(a.type == 'FILE_BROWSER' for w in "
@@ -115,7 +117,7 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
 
 
 def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noqa: F811
-    # The strips of sounds stand above that of the voice.
+    # The strips of the sounds appear above the strip of the voice.
     assert screen.ask(f"answer = {HEAD}.anyface.source") == "STRIP"
     show(screen, "Mend", suffix="_a")
     screen.ask(SEQUENCER)
@@ -135,7 +137,7 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
     screen.press("anyface.redo")
     screen.wait(f"'redone' in {HEAD}.anyface.report and not running()", 60)
     after = screen.ask(f"answer = {outside}")
-    # A curve that is cut at the ends of the stretch is the same but for rounding:
+    # Cutting a curve at the ends of the redone stretch changes it only by rounding:
     # Blender keeps handles as single floats and solves a cubic for each frame.
     assert after[: len(before)] == pytest.approx(before, abs=1e-5)
     written = screen.folder / "shot.TextGrid"

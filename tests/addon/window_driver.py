@@ -1,8 +1,8 @@
-"""Runs inside a Blender with a window: answers questions of the test, one file at a time.
+"""Runs inside a Blender with a window and answers the test's questions, one file at a time.
 
-It is started with `--python`; the folder of the exchange follows `--`. A question is Python in
-`ask.py` that sets `answer`; the answer appears in `answer.json`. A timer reads, so that Blender's
-own loop runs in between as under a user's hand.
+The test starts it with `--python` and passes the folder for the files after `--`. A question is a
+script `ask.py` that sets `answer`. The answer appears in `answer.json`. A timer looks for
+questions, so that Blender's own loop runs in between, as it does for a user.
 """
 
 import importlib
@@ -18,12 +18,12 @@ import bpy
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 PERIOD_S = 0.02
 
-# The longest time between two looks of the timer, seconds, and when the last was.
+# The longest pause between two calls of `poll`, and when the last call ended, both in seconds.
 stillness = {"longest_s": 0.0, "last_s": time.monotonic()}
 
 
 def area_of(kind):
-    """Window, area and its main and side regions."""
+    """The window, its first area of this kind, and the area's main and side regions."""
     window = bpy.context.window_manager.windows[0]
     area = next(area for area in window.screen.areas if area.type == kind)
     by_kind = {region.type: region for region in area.regions}
@@ -71,6 +71,6 @@ def poll():
     return PERIOD_S
 
 
-# It would open over the sidebar, on a busy machine after the first clicks.
+# The splash screen would cover the sidebar. On a busy machine it opens after the first clicks.
 bpy.context.preferences.view.show_splash = False
 bpy.app.timers.register(poll, persistent=True)

@@ -1,9 +1,10 @@
-"""How many lines of speech `anyface batch` does a second, and whether its memory stays flat.
+"""Measures how many lines of speech `anyface batch` does per second, and its memory.
 
 `python tests/batch/bench_lines.py --command target/demo/anyface --lines 10000` makes a head of 26,719
-vertices and lines of 4 s from `../shared/data`, lets the command write a table of ARKit weights for
-each, and prints lines a second, processor seconds and the resident memory after some of the lines.
-docs/measured/speed.md has its numbers. Needs Python alone, and Linux.
+vertices and lines of 4 s from `../shared/data`. The command writes a table of ARKit weights for
+each line. The script prints lines per second, processor time per line, and the resident memory
+after some of the lines, which shows whether it stays flat. docs/measured/speed.md has the numbers.
+The script needs only Python, and Linux.
 """
 
 import argparse
@@ -19,12 +20,12 @@ from pathlib import Path
 
 SHARED = Path(os.environ.get("ANYFACE_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 RATE_HZ = 16_000
-# So many different sounds; the other lines have other seeds.
+# The number of different sounds. Further lines repeat them with other seeds.
 SOUNDS = 400
 
 
 def write_head(path: Path) -> None:
-    """ICT FaceKit's neutral head with its landmarks beside it, in metres."""
+    """Writes ICT FaceKit's neutral head in metres, and a file with its landmarks beside it."""
     content = (SHARED / "data/faces/ict_facekit.safetensors").read_bytes()
     size = struct.unpack("<Q", content[:8])[0]
     header = json.loads(content[8 : 8 + size])
@@ -44,7 +45,7 @@ def write_head(path: Path) -> None:
 
 
 def write_sounds(folder: Path, count: int, seconds: float) -> list[str]:
-    """Windows of so many seconds, spread over the recordings of `clips`."""
+    """Cuts `count` excerpts, spread over the recordings of `clips`; returns their file names."""
     length = int(seconds * RATE_HZ)
     voices = []
     for path in sorted((SHARED / "data/clips").rglob("*.wav")):

@@ -1,8 +1,8 @@
-"""The command and the library for another system, run on this one, against those of this machine.
+"""Runs the command and the library of another system here and compares them with this machine's.
 
-`ANYFACE_RUNNER` are the words before a program that run it, such as those of Wine or QEMU,
-`ANYFACE_BUILT` is the folder with the command and the library, `ANYFACE_COMMAND` the command of
-this machine. Without them the tests are ignored.
+`ANYFACE_RUNNER` holds the words that run a program of the other system, such as those of Wine or
+QEMU. `ANYFACE_BUILT` is the folder with that system's command and library. Without these two the
+tests are ignored. `ANYFACE_COMMAND` is the command of this machine.
 """
 
 import os
@@ -28,7 +28,7 @@ IS_WINDOWS = Path(BUILT, "anyface.exe").is_file()
 PROGRAM = "anyface.exe" if IS_WINDOWS else "anyface"
 LIBRARY = "anyface.dll" if IS_WINDOWS else "libanyface.so"
 COMPILER = "x86_64-w64-mingw32-gcc" if IS_WINDOWS else "aarch64-linux-gnu-gcc"
-# Sines and exponentials of another C library.
+# Tolerance in metres: another C library rounds sines and exponentials differently.
 NEAR_M = 1e-5
 
 pytestmark = pytest.mark.skipif(
@@ -39,7 +39,7 @@ on_windows = pytest.mark.skipif(not IS_WINDOWS, reason="ignored, it is about Win
 
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory):
-    """A folder with the command and the library: Wine may see temporary files alone."""
+    """A temporary folder with the command, the library and a head. Wine may see no other files."""
     folder = tmp_path_factory.mktemp("programs")
     for name in (PROGRAM, LIBRARY):
         shutil.copy(f"{BUILT}/{name}", folder)
@@ -49,7 +49,7 @@ def programs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def system(tmp_path_factory):
-    """The environment of programs of the other system: for Windows' a Windows of their own."""
+    """The environment for programs of the other system. Those for Windows get a new Wine prefix."""
     folder = tmp_path_factory.mktemp("system")
     hidden = {"DISPLAY", "ANYFACE_CACHE"}
     inherited = {name: value for name, value in os.environ.items() if name not in hidden}
@@ -61,7 +61,7 @@ def system(tmp_path_factory):
 
 
 def run(words, environment=None, code=0):
-    """What a program writes."""
+    """Runs a program and asserts its exit code; returns the finished process."""
     done = subprocess.run(
         words, env=environment, capture_output=True, text=True, encoding="utf-8", errors="replace",
         check=False,
@@ -71,13 +71,13 @@ def run(words, environment=None, code=0):
 
 
 def named(path):
-    """How the other system names a file of this machine."""
+    """The name that the other system has for a file of this machine."""
     return "Z:" + str(path).replace("/", "\\") if IS_WINDOWS else str(path)
 
 
 @pytest.fixture(scope="module")
 def voice(tmp_path_factory):
-    """A second of a buzz that opens and closes, in a folder whose name is no ASCII."""
+    """A buzz of one second that swells and fades, in a folder with a non-ASCII name."""
     folder = tmp_path_factory.mktemp("Jürgen Müller ïdées 顔")
     time = np.arange(RATE_HZ) / RATE_HZ
     phase = 2 * np.pi * np.cumsum(120 * (1 + 0.2 * np.sin(9.0 * time))) / RATE_HZ
@@ -89,7 +89,7 @@ def voice(tmp_path_factory):
 
 
 def meshes():
-    """The default head, and where they are at hand ten others."""
+    """The default head, and other meshes if their files are present."""
     yield HEAD / "head.obj"
     folder = SHARED / "data/meshes"
     for name in ("lee_perry_smith.obj", "human_woman.obj", "makehuman_body.obj", "cat.obj",
@@ -110,7 +110,7 @@ def test_every_network_speaks_alike(programs, system, voice, network, tmp_path):
 
 
 def check_alike(programs, system, voice, mesh, network, tmp_path):
-    """Both commands say the same of a mesh, and move it alike where they do."""
+    """Asserts that both commands exit alike, and move the mesh alike if they succeed."""
     copy = voice.parent / f"Köpf {mesh.name}"
     shutil.copy(mesh, copy)
     codes = []
@@ -140,7 +140,7 @@ def test_results_are_kept_where_the_system_keeps_them(programs, system, voice, t
     else:
         caches = list(Path(system["XDG_CACHE_HOME"]).glob("anyface*"))
     assert caches and any(path.is_file() for path in caches[0].rglob("*"))
-    # What was read from there is what was computed.
+    # The second run reads the cache and gives the same bytes as the first.
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
     left = [path.name for path in tmp_path.iterdir()]
     assert sorted(left) == ["one.npz", "two.npz"]
@@ -155,7 +155,7 @@ def test_errors_name_the_file_that_was_meant(programs, system, tmp_path):
 
 @on_windows
 def test_ctrl_c_ends_a_job_and_leaves_nothing(programs, system, voice, tmp_path):
-    """Wine hands SIGINT on as Ctrl-C."""
+    """Wine passes SIGINT on as Ctrl-C."""
     long = tmp_path / "long.wav"
     with wave.open(str(voice), "rb") as short, wave.open(str(long), "wb") as file:
         file.setparams(short.getparams())
@@ -180,7 +180,7 @@ def test_ctrl_c_ends_a_job_and_leaves_nothing(programs, system, voice, tmp_path)
 
 
 def compiled(source, folder, *more):
-    """A C program of the other system beside the library."""
+    """Compiles a C program for the other system and copies the library beside it."""
     if shutil.which(COMPILER) is None:
         pytest.skip(f"ignored, needs {COMPILER}")
     program = folder / ("host.exe" if IS_WINDOWS else "host")
@@ -192,7 +192,7 @@ def compiled(source, folder, *more):
 
 
 def check_host(program, system, programs, sound, tmp_path):
-    """A C host moves the head as the command of this machine does."""
+    """Asserts that a C host moves the head as this machine's command does."""
     out, here = tmp_path / "host.npz", tmp_path / "here.npz"
     words = [named(path) for path in (programs / "head.obj", sound, out)]
     environment = {**system, "LD_LIBRARY_PATH": str(program.parent)}

@@ -1,13 +1,13 @@
-"""Kills what runs a batch, again and again, and counts what that has done to the rows.
+"""Kills processes of a running batch again and again, and counts what became of the rows.
 
     python tests/farm/chaos.py slurm --extension target/extension --rows 1000 --kills 100
     python tests/farm/chaos.py local --extension target/extension --rows 1000 --kills 100
 
-`slurm` runs the exported array job on three hosts. It kills the controller, hosts with all that
-runs on them, and processes that do shots. `local` runs a pool on this machine. It kills the batch
-itself and processes that do shots. A stand-in for Blender does the shots (stage_blender.py): it
-waits, and writes files, reports and history by the code that Blender runs. When all is over, the
-batch is handed in once more, as its message asks.
+`slurm` runs the exported array job on three hosts. It kills the controller, whole hosts, and
+processes that do shots. `local` runs a pool on this machine. It kills the batch itself and
+processes that do shots. A stand-in for Blender does the shots (stage_blender.py): it waits, and
+writes files, reports and history with the code that Blender runs. At the end the batch is started
+once more, as its message asks.
 """
 
 import argparse
@@ -31,7 +31,7 @@ _LIMIT_S = 1800
 
 
 def main() -> int:
-    """Runs one trial; returns 0 where no row is lost and no file is half written."""
+    """Runs one trial; returns 0 if no row is lost or failed and no file is half written."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("engine", choices=("slurm", "local"))
     parser.add_argument("--extension", type=Path, required=True, help="its folder")
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def run(trial, farm, options) -> int:
-    """Kills until the kills or the rows are used up, lets the batch end, and prints the counts."""
+    """Kills until `--kills` is reached or the batch ends, runs it once more, prints the counts."""
     chance, kills = random.Random(options.seed), collections.Counter()
     began = time.monotonic()
     try:
@@ -73,11 +73,12 @@ def run(trial, farm, options) -> int:
 
 
 def count(farm, rows: int) -> dict[str, int]:
-    """What became of the rows.
+    """Counts what became of the rows.
 
-    `lost` rows have no report, `failed` ones have one that says why. Rows that are `twice in the
-    history` have two lines that are ok, and the file of those `written twice` was. `half written`
-    are results and reports that are not whole. `hidden files left` are those of killed processes.
+    A `lost` row has no report. The report of a `failed` row says why it failed. A row that is
+    `twice in the history` has several lines there that are ok. The file of a row that is `written
+    twice` was written several times. `half written` are incomplete results and reports. `hidden
+    files left` are the temporary files of killed processes.
     """
     reports = {name: farm.reports / f"{name}.json" for name in farm.names(rows)}
     states = {name: load(path.read_text()) for name, path in reports.items() if path.exists()}
@@ -98,7 +99,7 @@ def count(farm, rows: int) -> dict[str, int]:
 
 
 def hidden_files(farm) -> list[str]:
-    """What processes that were killed have left."""
+    """The temporary files that killed processes have left."""
     names = [
         path.name for folder in ("out", farm.reports) for path in (farm.folder / folder).iterdir()
     ]
@@ -106,7 +107,7 @@ def hidden_files(farm) -> list[str]:
 
 
 def load(text: str) -> dict | None:
-    """What JSON holds, None for what is half a JSON."""
+    """The value of a JSON text; None if the text is incomplete."""
     try:
         return json.loads(text)
     except ValueError:
@@ -114,13 +115,13 @@ def load(text: str) -> dict | None:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a result is one, and a whole one."""
+    """Whether the file is a complete result."""
     name = path.stem
     return path.read_text() == f"{name} begins\n{name} ends\n"
 
 
 def kill_one_shot(farm, chance: random.Random) -> int:
-    """Kills one of the processes that do shots; returns how many it has killed."""
+    """Kills one of the processes that do shots; returns how many, 0 or 1."""
     mark, running = str(farm.blender).encode(), []
     for entry in Path("/proc").iterdir():
         with suppress(OSError):
@@ -154,7 +155,7 @@ class OnSlurm:
         self._slurm = slurm.Slurm(folder, _NODES, farm.environment(seconds), _CORES)
 
     def start(self):
-        """Hands the array in."""
+        """Submits the array job."""
         self._slurm.run("bash", self._script)
 
     def ended(self) -> bool:
@@ -162,7 +163,7 @@ class OnSlurm:
         return not self._slurm.queue()
 
     def kill(self, kind: str, chance: random.Random) -> int:
-        """Kills something of that kind, and starts it again; returns how many it has killed."""
+        """Kills a shot, or kills and restarts the controller or a host; returns the count."""
         if kind == "shot":
             return kill_one_shot(self._farm, chance)
         if kind == "controller":
@@ -172,7 +173,7 @@ class OnSlurm:
         else:
             node = chance.choice(self._slurm.nodes)
             self._slurm.kill_node(node)
-            # Whoever looks after the farm tells Slurm. It finds out by itself, later.
+            # On a real farm an operator tells Slurm this. Slurm itself notices it only later.
             self._slurm.run("scontrol", "update", f"nodename={node}", "state=down", "reason=chaos")
             self._slurm.boot_node(node)
         self._slurm.wait_control()
@@ -194,7 +195,7 @@ class OnSlurm:
 
 
 class OnLocalPool:
-    """A pool of processes on this machine; a batch that was killed is started again."""
+    """A pool of processes on this machine. A killed batch is started again."""
 
     kinds = {"batch": 1, "shot": 2}  # noqa: RUF012
 
@@ -218,7 +219,7 @@ class OnLocalPool:
         return self._process.poll() is not None
 
     def kill(self, kind: str, chance: random.Random) -> int:
-        """Kills the batch, and starts it again, or a process that does a shot."""
+        """Kills the batch and starts it again, or kills a process that does a shot."""
         if kind == "shot":
             return kill_one_shot(self._farm, chance)
         self._process.kill()

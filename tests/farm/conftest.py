@@ -1,8 +1,8 @@
-"""A jobs file whose shots a stand-in for Blender does, and the engines of farms that run it.
+"""Fixtures for farms: a jobs file, and a stand-in for Blender that does its shots.
 
-`ANYFACE_EXTENSION` names the extension's zip, or its folder; without it one is built. Engines need
-`tests/farm/requirements.txt`, node, and Debian's packages slurm-wlm, munge and iproute2. A test
-whose engine is missing is ignored, and says which.
+`ANYFACE_EXTENSION` names the extension's zip or its folder. Without it a zip is built. The farm
+engines need `tests/farm/requirements.txt`, node, and Debian's packages slurm-wlm, munge and
+iproute2. A test whose engine is missing is ignored, and names it.
 """
 
 import collections
@@ -39,7 +39,7 @@ def extension(tmp_path_factory) -> Path:
 
 
 class Farm:
-    """A jobs file in a folder, and what becomes of it."""
+    """A jobs file in a folder, with its reports and results."""
 
     def __init__(self, folder: Path, extension: Path):
         self.folder, self.extension = folder, extension
@@ -53,22 +53,22 @@ class Farm:
         (folder / "shot.blend").touch()
 
     def write(self, count: int):
-        """A jobs file of `count` equal shots."""
+        """Writes a jobs file of `count` equal shots."""
         shots = [{"save": f"out/{name}.blend"} for name in self.names(count)]
         content = {"defaults": {"file": "shot.blend", "object": "Head"}, "shots": shots}
         self.jobs.write_text(json.dumps(content))
 
     @staticmethod
     def names(count: int) -> list[str]:
-        """The names of so many shots."""
+        """The names of `count` shots."""
         return [f"sh{number:04d}" for number in range(1, count + 1)]
 
     def environment(self, seconds: float) -> dict:
-        """What the stand-in for Blender needs to know; a shot takes `seconds`."""
+        """Environment variables for the stand-in for Blender; a shot takes `seconds`."""
         return {"ANYFACE_TEST_EXTENSION": str(self.extension), "ANYFACE_TEST_S": str(seconds)}
 
     def batch(self, *words) -> subprocess.CompletedProcess:
-        """`batch` in this Python, on the jobs file."""
+        """Runs `batch` on the jobs file with this Python."""
         command = [sys.executable, self.extension / "anyface_batch.py", "batch", self.jobs]
         return subprocess.run(
             [*map(str, command), "--blender", str(self.blender), *map(str, words)],
@@ -85,7 +85,7 @@ class Farm:
         return self.jobs.with_suffix(f".{engine}")
 
     def written(self) -> collections.Counter:
-        """How often the file of each shot was really written."""
+        """How many times the file of each shot was really written."""
         lines = (self.reports / "written.txt").read_text().splitlines()
         return collections.Counter(line.split()[0] for line in lines)
 
@@ -100,7 +100,7 @@ class Farm:
         return json.loads((self.reports / "batch.json").read_text())
 
     def check_whole(self, count: int):
-        """All shots are finished, every file is whole, and nothing else lies there."""
+        """Asserts that all shots are finished, every file is whole, and no other file is there."""
         files = {path.name: path.read_text() for path in (self.folder / "out").iterdir()}
         assert files == {
             f"{name}.blend": f"{name} begins\n{name} ends\n" for name in self.names(count)
@@ -113,5 +113,5 @@ class Farm:
 
 @pytest.fixture
 def farm(tmp_path, extension) -> Farm:
-    """A place to run batches in."""
+    """A folder to run batches in."""
     return Farm(tmp_path, extension)

@@ -1,7 +1,7 @@
 """Hosts of a farm on one machine: each has its own network, name, mounts and process numbers.
 
-A host is a process in namespaces of its own. All hosts are joined by a bridge that nothing else is
-connected to. Whoever ends a host ends all that runs on it, as pulling a plug does.
+A host is a process in namespaces of its own. A bridge joins all hosts, and nothing else is
+connected to it. When a host ends, everything that runs on it ends too, as if its plug were pulled.
 """
 
 import contextlib
@@ -12,12 +12,12 @@ from pathlib import Path
 
 _NETWORK = "10.77.0"
 _UNSHARE = ("unshare", "--net", "--uts", "--mount", "--pid", "--fork", "--kill-child")
-# The host lives until whoever started it closes this input, or dies.
+# The host runs until the process that started it closes this input, or dies.
 _BOOT = 'hostname "$1"; mount --bind "$2" /etc/hosts; ip link set lo up; echo up; read end'
 
 
 def missing() -> str:
-    """Why no hosts can be made here; empty where they can."""
+    """Why this machine cannot make hosts; empty if it can."""
     if os.name != "posix" or not hasattr(os, "geteuid") or os.geteuid() != 0:
         return "hosts in network namespaces need root on Linux"
     for program in ("ip", "unshare", "nsenter"):
@@ -31,7 +31,7 @@ def missing() -> str:
 
 
 class Host:
-    """One host; `address` is how the others reach it, `name` what it calls itself."""
+    """One host. The others reach it at `address`, and it calls itself `name`."""
 
     def __init__(self, name: str, number: int, names_file: Path):
         self.name, self.address = name, f"{_NETWORK}.{number}"
@@ -55,12 +55,12 @@ class Host:
         _ip(self._inner, "link", "set", "eth0", "up")
 
     def start(self, *words, **more) -> subprocess.Popen:
-        """Starts a program on the host; `more` as `subprocess.Popen` takes it."""
+        """Starts a program on the host; `more` goes to `subprocess.Popen`."""
         enter = ["nsenter", "--target", str(self._inner), "--net", "--uts", "--mount", "--pid"]
         return subprocess.Popen([*enter, "--", *map(str, words)], **more)
 
     def run(self, *words, timeout=60, **more) -> str:
-        """What a program says; raises `CalledProcessError` where it fails."""
+        """Runs a program and returns its output; raises `CalledProcessError` if it fails."""
         process = self.start(
             *words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **more
         )
@@ -83,7 +83,7 @@ class Host:
 
     @property
     def is_up(self) -> bool:
-        """Whether it runs."""
+        """Whether the host runs."""
         return self._outer is not None
 
 
@@ -122,12 +122,12 @@ class Hosts:
     def boot(self, name: str):
         """Starts a host that has ended."""
         with contextlib.suppress(OSError):
-            # Linux takes the cable of a host that has ended away when it finds the time.
+            # Linux removes the cable of an ended host by itself, but maybe only later.
             _ip(self._bridge.pid, "link", "delete", f"to-{name}")
         self._hosts[name].boot(self._bridge.pid)
 
     def cut(self, name: str):
-        """Takes a host off the network; what runs on it goes on."""
+        """Takes a host off the network; its programs go on."""
         _ip(self._bridge.pid, "link", "set", f"to-{name}", "down")
 
     def join(self, name: str):
@@ -151,7 +151,7 @@ class Hosts:
 
 
 def _ip(process: int, *words: str):
-    """`ip` in the network of a process."""
+    """Runs `ip` in the network of a process."""
     enter = ["nsenter", "--target", str(process), "--net", "ip", *words]
     done = subprocess.run(enter, capture_output=True, text=True, check=False)
     if done.returncode:

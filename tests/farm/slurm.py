@@ -1,7 +1,7 @@
 """A real Slurm on hosts of this machine: a controller and nodes that run batch jobs.
 
-Debian's packages `slurm-wlm` and `munge` bring the programs. Files are shared as on a cluster; each
-node has its own network, name and processes.
+Debian's packages `slurm-wlm` and `munge` contain the programs. The nodes share files, as on a
+cluster. Each node has its own network, name and processes.
 """
 
 import contextlib
@@ -53,7 +53,7 @@ _LIMIT_S = 60
 
 
 def missing() -> str:
-    """Why no Slurm can run here; empty where it can."""
+    """Why Slurm cannot run here; empty if it can."""
     for program in _PROGRAMS:
         if _program(program) is None:
             return f"Slurm needs the program {program}: apt-get install slurm-wlm munge"
@@ -61,7 +61,7 @@ def missing() -> str:
 
 
 class Slurm:
-    """A controller and `nodes` nodes, which run; every job sees `environment`."""
+    """A running controller with `nodes` running nodes; every job sees `environment`."""
 
     def __init__(self, folder: Path, nodes: int, environment: dict, cores=2, memory_mb=8192):
         self.folder = folder
@@ -96,18 +96,18 @@ class Slurm:
         _wait(lambda: (self.folder / "munge.socket").exists(), "munged does not start")
 
     def start_control(self):
-        """Starts the controller, with what it has saved of jobs."""
+        """Starts the controller, which reads the jobs that it has saved."""
         self._start("control", "slurmctld", "-D")
 
     def kill_control(self):
         """Kills the controller; its host and its jobs go on."""
         self._daemons["control"].kill()
         self._daemons["control"].wait()
-        # The program that entered the host is dead, the controller in it may not be yet.
+        # The program that entered the host is dead. The controller inside it may still run.
         self.hosts["control"].run("sh", "-c", "pkill -9 slurmctld; true")
 
     def kill_node(self, node: str):
-        """Pulls the plug of a node: its daemon and all that it has started are gone."""
+        """Pulls the plug of a node: its daemon ends, with everything that it has started."""
         self.hosts[node].end()
 
     def boot_node(self, node: str):
@@ -125,7 +125,7 @@ class Slurm:
             )
 
     def run(self, program: str, *words, **more) -> str:
-        """What a program of Slurm says on the controller's host."""
+        """Runs a program of Slurm on the controller's host; returns its output."""
         return self.hosts["control"].run(program, *words, env=self._environment, **more)
 
     def states(self) -> dict[str, str]:
@@ -144,7 +144,7 @@ class Slurm:
         _wait(ready, f"Slurm's controller does not start, see {self.folder}")
 
     def wait_idle(self, count: int):
-        """Waits until so many nodes have registered."""
+        """Waits until at least `count` nodes are idle."""
         self.wait_control()
 
         def ready() -> bool:
@@ -159,10 +159,10 @@ class Slurm:
         return [line for line in said.splitlines() if line.split()[2] not in ended]
 
     def mend(self) -> int:
-        """Does what an operator does after failures; returns how many jobs it has released.
+        """Repairs the cluster as an operator would; returns how many jobs it has released.
 
-        Slurm holds a job whose node went away in the very moment of its launch. A controller that
-        was killed may launch a job that still runs, and drains its node then.
+        Slurm holds a job if its node went away at the moment of the launch. A controller that was
+        killed may launch a job that still runs, and then it drains the node of that job.
         """
         for node, state in self.states().items():
             if "drain" in state or "down" in state:
@@ -188,7 +188,7 @@ class Slurm:
 
 
 def _program(name: str) -> str | None:
-    # Debian puts daemons where the paths of users do not lead.
+    # Debian installs daemons into folders that are not in a user's PATH.
     return shutil.which(name, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
 
 

@@ -1,8 +1,9 @@
-"""Stands for Blender on a farm: `blender -b --command anyface TASK …`, without bpy.
+"""Stands in for Blender on a farm: `blender -b --command anyface TASK …`, without bpy.
 
-`batch` is the real one of the extension, with this program as its Blender. `shot` takes
+`batch` is the extension's real one, with this program as its Blender. `shot` takes
 `ANYFACE_TEST_S` seconds for each shot instead of animating a face. It writes files and reports as
-Blender does: beside the place, then renamed. `ANYFACE_TEST_EXTENSION` is the unpacked extension.
+Blender does: under a temporary name in the same folder, and then it renames them.
+`ANYFACE_TEST_EXTENSION` is the folder of the unpacked extension.
 """
 
 import importlib
@@ -46,7 +47,7 @@ def _read(lines: queue.SimpleQueue) -> None:
         *whole, rest = (rest + part).split(b"\n")
         for line in whole:
             lines.put(line)
-    # Whoever gave the work is gone, and has it done elsewhere.
+    # The process that gave this work is gone, and the work is done elsewhere.
     os._exit(_ORPHANED)
 
 
@@ -78,7 +79,7 @@ def _write(shot: dict, ledger) -> None:
 
 
 def _note(shot: dict) -> None:
-    """A line for each file that was really written, in one write so that lines stay whole."""
+    """Adds a line for a file that was really written. A single write keeps the line whole."""
     line = f"{shot['name']} {os.uname().nodename} {os.getpid()}\n"
     path = os.path.join(os.path.dirname(shot["report"]), "written.txt")
     note = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)

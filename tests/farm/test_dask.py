@@ -1,4 +1,4 @@
-"""The batch over Dask with a scheduler and workers on several hosts, which fail as hosts do."""
+"""Runs a batch over Dask with a scheduler and workers on several hosts, and lets hosts fail."""
 
 import importlib.util
 import os
@@ -64,7 +64,7 @@ def cluster(farm, tmp_path_factory):
 
 
 def wait_for_hosts(farm, count: int):
-    """Waits until so many hosts have written a file."""
+    """Waits until `count` hosts have written a file."""
     for _ in range(600):
         if len(farm.hosts()) >= count:
             return
@@ -83,6 +83,6 @@ def test_shots_of_a_host_that_is_cut_off_and_of_one_that_dies_are_done_elsewhere
     farm.check_whole(SHOTS)
     assert farm.total()["ok"] == SHOTS
     written = farm.written()
-    # Only the host that was cut off may have done a shot that another one did too.
+    # Only the host that was cut off may have done a shot that another host did too.
     again = [name for name, times in written.items() if times > 1]
     assert len(again) <= 1 and set(written) == set(farm.names(SHOTS)), written

@@ -1,4 +1,4 @@
-"""`batch --export`: what is filled into the templates, and what is refused."""
+"""`batch --export`: how it fills in the templates, and which inputs it refuses."""
 
 import json
 import re
@@ -16,12 +16,12 @@ ENGINES = {
     "slurm": ("slurm.sh",),
     "opencue": ("opencue.py",),
 }
-# What shells, JSON, YAML and our own placeholders could take for theirs.
+# Characters that shells, JSON, YAML or our own placeholders could take for their syntax.
 HOSTILE = 'it\'s "$HOME" `a` #1 & %j \\n \u00e9 {{rows}} {{Param.Rows}}.json'
 
 
 def node_words(farm, engine: str, folder) -> list[str]:
-    """The words that a node gets, by the file of an engine."""
+    """The command line that a node gets, read from the exported file of an engine."""
     if engine == "slurm":
         text = (folder / "anyface.sh").read_text()
         (line,) = re.findall(r"^command=\((.*)\)$", text, re.MULTILINE)
@@ -68,7 +68,7 @@ def test_a_script_of_slurm_runs_its_rows(farm):
 
 
 def header(script) -> dict[str, str]:
-    """The options that Slurm reads of a script."""
+    """The options that Slurm reads from a script."""
     return dict(re.findall(r"^#SBATCH --([\w-]+)=(.*)$", script.read_text(), re.MULTILINE))
 
 
@@ -83,7 +83,8 @@ def test_needs_come_from_earlier_reports(farm):
     text = "\n".join(map(json.dumps, lines)) + '\n[1]\n{"name": "half'
     (farm.reports / "history.jsonl").write_text(text)
     read = header(farm.export("slurm") / "anyface.sh")
-    # 2000.5 MB and a quarter, in steps of 64; 20 rows of four times 30 s, and 600 s to start.
+    # Memory: 2000.5 MB plus a quarter, rounded up to a multiple of 64. Time: 20 rows of four times
+    # 30 s, plus 600 s to start.
     assert (read["mem"], read["cpus-per-task"]) == ("2560M", "2")
     assert (read["array"], read["time"]) == ("1-3", "0:3000")
     read = header(farm.export("slurm", "--memory", 6, "--cores", 8) / "anyface.sh")

@@ -1,4 +1,7 @@
-"""What `--export flamenco` writes, in a stand-in for Flamenco Manager by its documentation."""
+"""Runs the output of `--export flamenco` in a stand-in for Flamenco Manager.
+
+The stand-in follows Flamenco's documentation.
+"""
 
 import json
 import os
@@ -12,7 +15,7 @@ STAGE = Path(__file__).with_name("flamenco_stage.js")
 
 
 def compile_job(folder: Path) -> list[dict]:
-    """The tasks that Flamenco makes of a job."""
+    """The tasks that Flamenco makes from a job."""
     if shutil.which("node") is None:
         pytest.skip("ignored, needs node")
     done = run_stage(folder / "anyface.js", folder / "job.json")

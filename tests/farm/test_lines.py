@@ -1,4 +1,4 @@
-"""Lines of speech that `anyface batch --export` of the command hands to each engine.
+"""Each farm engine does the lines of speech that `anyface batch --export` hands to it.
 
 `ANYFACE_COMMAND` names the command.
 """
@@ -47,7 +47,7 @@ class Lines:
         return self.table.with_suffix(f".{engine}")
 
     def check_done(self):
-        """Each line was done once, and the sum and the page are there."""
+        """Asserts that each line was done once, and that the sum and the page are there."""
         history = (self.reports / "history.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["name"] for line in history) == [
             f"out {number}.npz" for number in range(LINES)

@@ -1,4 +1,4 @@
-"""What `--export opencue` writes, built by OpenCue's own library; there is no Cuebot here."""
+"""OpenCue's own library builds the job that `--export opencue` writes, without a Cuebot."""
 
 import importlib.util
 import os
@@ -34,7 +34,7 @@ def description_of(script, home) -> ElementTree.Element:
 
 
 def frames(layer) -> list[tuple[int, int]]:
-    """First and last frame of each chunk, as Cuebot replaces them in a command."""
+    """First and last frame of each chunk, which Cuebot puts into the command."""
     first, last = map(int, layer.findtext("range").split("-"))
     size = int(layer.findtext("chunk"))
     # Many versions of Cuebot do not cut the last chunk at the end of the range.

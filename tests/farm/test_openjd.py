@@ -1,4 +1,4 @@
-"""What `--export openjd` writes, checked and run by `openjd`, the tool of its standard."""
+"""`openjd`, the tool of the standard, checks and runs what `--export openjd` writes."""
 
 import importlib.util
 import os
@@ -11,7 +11,7 @@ import pytest
 
 
 def openjd(*words, environment=None) -> str:
-    """What `openjd` says."""
+    """Runs `openjd`; returns its output."""
     if importlib.util.find_spec("openjd.cli") is None:
         pytest.skip("ignored, needs openjd-cli")
     program = shutil.which("openjd", path=str(Path(sys.executable).parent))

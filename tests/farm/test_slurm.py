@@ -1,4 +1,4 @@
-"""What `--export slurm` writes, run by a real Slurm on hosts of this machine."""
+"""A real Slurm on hosts of this machine runs what `--export slurm` writes."""
 
 import time
 
@@ -13,9 +13,10 @@ SHOTS = 8
 
 
 def wait_victim(farm, cluster) -> str:
-    """Waits for a node that has written a file and writes the next one; returns its name."""
+    """Waits for a node that has written a file and is writing the next; returns its name."""
     for _ in range(600):
-        # Before the queue is asked, which takes longer than the report of a file that was written.
+        # Read the hosts before the queue. The queue takes longer to answer than a host takes to
+        # report a file that it has written.
         hosts = farm.hosts()
         running = [line.split() for line in cluster.queue() if " RUNNING " in line]
         nodes = {node for name, _, _, node in running if name == "jobs"}

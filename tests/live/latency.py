@@ -1,12 +1,12 @@
-"""How late a face is behind its microphone, from written sound to lines on standard output.
+"""Measures how late a face is behind its microphone, from sound to lines on standard output.
 
     python tests/live/latency.py SPEECH.wav [--rate 44100] [--fps 60] [--times 12] [...]
 
-Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe. This writes
-the voice into it, mono at 16 kHz, 2 ms at a time by the clock, so the time of each instant of the
-sound is known. The motion of the jaw is compared with that of the same sound without a clock, which
-tells the instant that a frame shows. A line is late by its arrival less that instant, look-ahead
-included.
+Further arguments go to `anyface live`. PulseAudio reads the device from a pipe. This script writes
+the voice into the pipe in real time, mono at `--rate`, 2 ms at a time, so it knows the time of each
+instant of the sound. It also runs the same sound without a clock. The motion of the jaw in both
+runs tells which instant of the sound a frame shows. The delay of a line is the time of its arrival
+minus the time of that instant. It includes the look-ahead.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def main() -> None:
     delays_ms = [
         1e3 * (at - microphone.start_s - frame["time_s"] - offset_s)
         for at, frame in face.frames
-        # What comes after the sound waits for samples that never come.
+        # Frames at the end of the sound wait for samples that never come.
         if 2 < frame["time_s"] + offset_s < spoken_s - 1
     ]
     least, middle, most = np.percentile(delays_ms, [0, 50, 95])
@@ -59,14 +59,14 @@ def main() -> None:
 
 
 def repeated(speech: str, times: int) -> np.ndarray:
-    """A voice so many times, with silence before each."""
+    """The voice `times` times, with silence before each repetition."""
     with wave.open(speech) as file:
         once = np.frombuffer(file.readframes(file.getnframes()), "<i2")
     return np.tile(np.concatenate([np.zeros(_PAUSE_S * _RATE_HZ, "<i2"), once]), times)
 
 
 def resampled(sound: np.ndarray, rate_hz: int) -> np.ndarray:
-    """The same at the rate of the device, linear in between."""
+    """The sound at the rate of the device, by linear interpolation."""
     times = np.arange(len(sound) * rate_hz // _RATE_HZ) * (_RATE_HZ / rate_hz)
     return np.interp(times, np.arange(len(sound)), sound).astype("<i2")
 
@@ -93,12 +93,12 @@ class Microphone(threading.Thread):
 def offsets_between(frames: list, sound: np.ndarray, live: list, times: int) -> list[float]:
     """Delay in seconds from the sound to the face, found by the motion of its jaw.
 
-    One for each repetition but the first, in which the voice is new to the face. They are alike
-    unless samples were dropped.
+    Returns one value for each repetition except the first and the last. In the first, the voice is
+    new to the face. The values are alike unless samples were dropped.
     """
     words = [COMMAND, "live", "--input", "-", "--json", *live]
     whole = []
-    # From several places on, so that it is known between the stream's frames too.
+    # Start at several offsets, so that the jaw is known between the stream's frames too.
     for first in range(0, _RATE_HZ // 25, 40):
         rest = sound[first:].tobytes()
         done = subprocess.run(words, input=rest, capture_output=True, check=True)

@@ -1,4 +1,4 @@
-"""A private PulseAudio server whose device hears what plays on it, and `anyface live` beside it."""
+"""A private PulseAudio server whose device hears what plays on it, and an `anyface live`."""
 
 import json
 import os
@@ -59,11 +59,11 @@ class SoundSystem:
         self._server.wait()
 
     def plug(self) -> None:
-        """A device like one that was plugged in."""
+        """Adds the device, as if somebody plugged it in."""
         assert self.control("load-module", "module-null-sink", *self._sink.split()) is not None
 
     def plug_pipe(self, rate_hz: int) -> str:
-        """A microphone of 16 bit, mono, that hears what is written into this pipe."""
+        """Replaces the device by a 16-bit mono microphone that hears a pipe; returns its path."""
         self.unplug()
         pipe = f"{self._folder.name}/microphone"
         words = f"file={pipe} format=s16le rate={rate_hz} channels=1"
@@ -85,7 +85,7 @@ class SoundSystem:
 
 
 class LiveFace:
-    """`anyface live` with lines of JSON: `(instant, frame)` of each, and its notes."""
+    """`anyface live --json`: collects `(time of arrival, frame)` of each line, and the notes."""
 
     def __init__(self, system: SoundSystem, *arguments: str):
         self.frames, self.notes = [], []
@@ -111,7 +111,7 @@ class LiveFace:
             take(line)
 
     def count(self, text: str) -> int:
-        """Notes that hold this text."""
+        """How many notes contain this text."""
         return sum(text in note for note in self.notes)
 
     def processor_s(self) -> float:
@@ -124,13 +124,13 @@ class LiveFace:
         return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * 4096 / 1e6
 
     def end(self) -> None:
-        """Ends it."""
+        """Kills the process."""
         self.process.kill()
         self.process.wait()
 
 
 def until(is_so, what: str, seconds: float = 60.0) -> None:
-    """Waits until `is_so()`."""
+    """Waits until `is_so()`; raises `TimeoutError` after `seconds`."""
     end = time.monotonic() + seconds
     while not is_so():
         if time.monotonic() > end:

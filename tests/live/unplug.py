@@ -1,8 +1,8 @@
-"""A microphone that goes and comes back, or whose server dies, many times, while a face listens.
+"""Unplugs a microphone or kills its server, and brings it back, many times while a face listens.
 
     python tests/live/unplug.py [--times 200]
 
-Fails where the face does not come back, or where its memory grows.
+Fails if the face does not come back, or if its memory grows.
 """
 
 import argparse
@@ -12,7 +12,7 @@ from sound_system import LiveFace, SoundSystem, until
 
 
 def main() -> int:
-    """Every tenth time the server dies; otherwise the device disappears."""
+    """Kills the server every tenth time, and unplugs the device the other times."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--times", type=int, default=200)
     times = parser.parse_args().times

@@ -1,6 +1,6 @@
-"""What tests of receivers share: a take, and programs of others.
+"""Helpers for the tests of receivers: a take, and programs by other authors.
 
-`ANYFACE_COMMAND` names the command; without it that of `cargo build` is run.
+`ANYFACE_COMMAND` names the command. Without it the tests run the one that `cargo build` makes.
 """
 
 import fcntl
@@ -20,7 +20,7 @@ HEAD = ROOT / "weights/shared/default_head"
 PACKAGES = ROOT / "target/npm"
 RATE_HZ, SECONDS, FPS = 16000, 1.0, 25
 NEAR_M = 1e-5
-"""The default head is of human size, in metres."""
+"""Tolerance in metres, for the default head, which is of human size."""
 VALIDATOR, THREE_JS = ("gltf-validator@2.0.0-dev.3.10",), ("three@0.170.0",)
 
 VALIDATE = """
@@ -69,7 +69,7 @@ def anyface(task, *words, mesh=HEAD / "head.obj", landmarks=HEAD / "landmarks.js
 
 
 def write_wav(path: Path, samples: bytes) -> None:
-    """A file of 16-bit samples, mono."""
+    """Writes 16-bit samples to a mono WAV file."""
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
@@ -77,12 +77,12 @@ def write_wav(path: Path, samples: bytes) -> None:
         file.writeframes(samples)
 
 
-# First two formants, hertz, and how long each sounds, seconds.
+# The first two formants in hertz (None is a pause), and the duration in seconds.
 SOUNDS = [((730, 1090), 1.5), (None, 1.5), ((300, 870), 1.5), (None, 4.0)]
 
 
 def vowels() -> bytes:
-    """Vowels and pauses, 16 bit."""
+    """Samples of vowels and pauses, 16 bit."""
     parts = []
     for formants, seconds in SOUNDS:
         time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
@@ -97,7 +97,7 @@ def vowels() -> bytes:
 
 
 def animate(folder: Path, name: str, *words) -> Path:
-    """A take of the voice in the folder."""
+    """Writes a take of the voice in the folder; returns its path."""
     voice = ["--audio", folder / "voice.wav", "--fps", str(FPS)]
     anyface("animate", *voice, "--out", folder / name, *words)
     return folder / name
@@ -117,7 +117,7 @@ def spoken(tmp_path_factory):
 
 
 class Expected:
-    """Expected places of vertices: the skin as in the arrays, and eyes that look."""
+    """Expected positions of vertices: the skin as in the arrays, and eyes that follow the gaze."""
 
     def __init__(self, folder: Path):
         self.arrays = np.load(folder / "talk.npz")
@@ -129,7 +129,7 @@ class Expected:
         self.skin = self.arrays["displacements"]
 
     def displacements(self) -> np.ndarray:
-        """`[T, V, 3]`, with eyeballs that look, which the arrays leave at rest."""
+        """`[T, V, 3]`. The arrays leave the eyeballs at rest; this adds their motion."""
         moved = self.skin.copy()
         rests = ~self.skin.any(axis=(0, 2))
         for name, weights in self.looks().items():
@@ -137,7 +137,7 @@ class Expected:
         return moved
 
     def looks(self) -> dict[str, np.ndarray]:
-        """Weights `[T]` of shapes by which eyes look; 1 is 30 degrees aside, or 25 up and down."""
+        """Weights `[T]` of shapes that turn the eyes; 1 is 30 degrees sideways, 25 up or down."""
         looks = {}
         for eye, (side, left, right) in enumerate((("Right", "In", "Out"), ("Left", "Out", "In"))):
             yaw, pitch = np.degrees(self.arrays["gaze"][:, eye]).T
@@ -149,18 +149,18 @@ class Expected:
 
 @pytest.fixture(scope="session")
 def expected(spoken):
-    """Expected places of vertices in the take."""
+    """Expected positions of vertices in the take."""
     return Expected(spoken)
 
 
 def node(code: str, *words, packages: tuple[str, ...]):
-    """JSON output of a module under node, with packages of npm, which are fetched once."""
+    """Runs a module in node; returns its JSON output. Packages are fetched from npm once."""
     if shutil.which("npm") is None:
         pytest.skip("ignored, needs npm")
     names = [package.rsplit("@", 1)[0] for package in packages]
     PACKAGES.mkdir(parents=True, exist_ok=True)
     with open(PACKAGES / ".lock", "w") as lock:
-        # Tests run in several processes, and a folder is there before its files are.
+        # Tests run in several processes, and npm makes a package's folder before its files.
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not all((PACKAGES / "node_modules" / name).is_dir() for name in names):
             install = ["npm", "install", "--silent", "--no-audit", "--prefix", str(PACKAGES)]

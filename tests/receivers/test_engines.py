@@ -1,6 +1,6 @@
-"""The scripts for Unity and Unreal, compiled and run in hosts that stand for these engines.
+"""Compiles the scripts for Unity and Unreal and runs them in hosts that stand in for the engines.
 
-`ANYFACE_COMMAND` names the command, beside which the library lies.
+`ANYFACE_COMMAND` names the command. The library must be in the same folder.
 """
 
 import json
@@ -24,7 +24,7 @@ EMOTION = "happy:0.8"
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
-    """Three seconds of a voice: raw samples and a WAV file, and the frames of the command."""
+    """A folder with three seconds of a voice, raw and as WAV, and the command's frames of it."""
     folder = tmp_path_factory.mktemp("engines")
     samples = vowels()[: 2 * SECONDS * RATE_HZ]
     (folder / "voice.raw").write_bytes(samples)
@@ -42,7 +42,7 @@ def weights(frames, name):
 
 
 def run(words, **more):
-    """Output of a program."""
+    """Runs a program; returns the finished process with its output."""
     environment = {**os.environ, "LD_LIBRARY_PATH": str(LIBRARIES)}
     done = subprocess.run(words, capture_output=True, text=True, env=environment, **more)
     assert done.returncode == 0, done.stderr
@@ -80,7 +80,7 @@ def test_the_face_of_unreal_is_that_of_the_command(sound):
     assert done.stderr.count("\n") == 1 and "no such file" in done.stderr
     lines = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
     jaw, smile = weights(frames, "jawOpen"), weights(frames, "mouthSmileLeft")
-    # Pitch lifts the nose, yaw and roll go to the face's right.
+    # Positive pitch lifts the nose. Positive yaw and roll go to the face's right.
     head = np.rad2deg([frame["head"] for frame in frames]) * [-1, -1, 1]
     assert np.abs(lines[:, 0] - jaw).max() < 1e-6
     assert np.abs(lines[:, 1] - smile).max() < 1e-6

@@ -1,6 +1,6 @@
-"""What `anyface live` sends, read by programs that others wrote for its receivers.
+"""Programs by other authors read what `anyface live` sends to its receivers.
 
-`ANYFACE_COMMAND` names the command; without it that of `cargo build` is run.
+`ANYFACE_COMMAND` names the command. Without it the tests run the one that `cargo build` makes.
 """
 
 import json
@@ -34,7 +34,7 @@ def voice(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sent(voice):
-    """Packets of VMC, Live Link and plain OSC, and the lines of JSON, of one performance."""
+    """Packets of VMC and Live Link, and the lines of JSON, of one performance."""
     with (
         socket.socket(type=socket.SOCK_DGRAM) as vmc,
         socket.socket(type=socket.SOCK_DGRAM) as link,

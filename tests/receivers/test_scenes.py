@@ -1,4 +1,4 @@
-"""Scenes that `anyface animate` writes, opened by programs that others wrote."""
+"""Programs by other authors open the scenes that `anyface animate` writes."""
 
 import json
 import subprocess
@@ -59,7 +59,7 @@ def test_blender_moves_every_vertex_as_the_arrays_do(spoken, expected):
         weights = np.array([key.value for key in keys[1:]])
         assert weights.min() >= 0.0 and weights.max() <= 1.0
         x, y, z = (weights @ shapes).reshape(-1, 3).T
-        # glTF's up is y, Blender's z.
+        # Up is y in glTF and z in Blender.
         moved = np.stack([x, z, -y], axis=1)
         largest = max(largest, float(np.linalg.norm(moved - displacements[t], axis=1).max()))
     assert np.abs(displacements).max() > 1e-3
@@ -67,7 +67,7 @@ def test_blender_moves_every_vertex_as_the_arrays_do(spoken, expected):
 
 
 def test_usd_moves_every_vertex_as_the_arrays_do(spoken, expected):
-    # In a process of its own: Blender has a USD inside, and two do not live together.
+    # Use a separate process: Blender contains a USD, and one process cannot hold two.
     done = subprocess.run(
         [sys.executable, "-c", READ_USD, spoken / "talk.usda", spoken / "usd.npy"],
         capture_output=True, text=True, check=False,

@@ -1,7 +1,7 @@
 """One session of Blender with user files of its own; `test_blender.py` starts it.
 
-Words behind `--`: what is done, the address of the repository, a head, a sound. Prints a line
-of JSON.
+The arguments after `--` are the action, the address of the repository, a head, and a sound. The
+session prints a line of JSON.
 """
 
 import json
@@ -15,16 +15,16 @@ import bpy
 PACKAGE = "bl_ext.anyface_site.anyface"
 action, address, head, sound = sys.argv[sys.argv.index("--") + 1 :]
 if not bpy.app.binary_path:
-    # As a module Blender begins with the factory's preferences.
+    # Blender as a Python module starts with factory preferences, so read the user's.
     bpy.ops.wm.read_userpref()
 preferences = bpy.context.preferences
-# As `--online-mode` does for the executable, which then lets nobody change it.
+# The executable gets `--online-mode` instead, and then nobody can change this preference.
 if not bpy.app.online_access:
     preferences.system.use_online_access = True
 
 
 def subscribe():
-    """Adds the repository as an artist does, and removes those that Blender would ask."""
+    """Adds the repository as an artist does, and removes the others that Blender would contact."""
     repositories = preferences.extensions.repos
     for other in [repository for repository in repositories if repository.use_remote_url]:
         repositories.remove(other)
@@ -44,13 +44,13 @@ def sync():
 
 
 def install():
-    """Installs and enables, and changes a setting."""
+    """Installs and enables the extension, and changes a setting."""
     bpy.ops.extensions.package_install(repo_index=index(), pkg_id="anyface", enable_on_install=True)
     preferences.addons[PACKAGE].preferences.threads = 3
 
 
 def speak():
-    """How far a vertex of the head moves, in millimetres."""
+    """Animates the head; returns the largest motion of a vertex in millimetres."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.wm.obj_import(filepath=head, use_split_objects=False, use_split_groups=False)
     ob = bpy.context.object

@@ -1,7 +1,7 @@
-"""A site as `cargo xtask site` writes it, and a server that shows it to this machine alone.
+"""The site that `cargo xtask site` writes, and a server that only this machine can reach.
 
-`ANYFACE_EXTENSION` and `ANYFACE_WHEEL` name a zip and a wheel for this machine; without them they
-are built.
+`ANYFACE_EXTENSION` and `ANYFACE_WHEEL` name a zip and a wheel for this machine. Without them the
+tests build both.
 """
 
 import contextlib
@@ -44,7 +44,7 @@ def wheel(tmp_path_factory):
 
 
 def repack(extension: Path, folder: Path, version: str, system: str) -> None:
-    """Writes the zip as another version, or for another system, which has no library then."""
+    """Writes the zip with this version for this system. Only `HERE` gets the library."""
     path = folder / f"anyface-{version}-{system}.zip"
     with zipfile.ZipFile(extension) as old, zipfile.ZipFile(path, "w") as new:
         for item in old.infolist():
@@ -58,7 +58,7 @@ def repack(extension: Path, folder: Path, version: str, system: str) -> None:
 
 
 def packages(extension: Path, folder: Path, version: str) -> Path:
-    """A folder with the extension for three systems."""
+    """Fills a new folder with the extension for three systems; returns the folder."""
     folder.mkdir()
     for system in (HERE, *OTHERS):
         repack(extension, folder, version, system)
@@ -79,7 +79,7 @@ def site(extension, wheel, tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     packed = packages(extension, folder / "packages", "0.1.0")
     shutil.copy(wheel, packed)
-    # What a C library's archive holds is tested where it is packed.
+    # The content of a C library's archive is tested where it is packed.
     (packed / f"anyface-0.1.0-{HERE}.tar.gz").write_bytes(b"stands for an archive")
     (folder / "said.txt").write_text(write_site(folder / "out", "--packages", packed))
     return folder / "out"
@@ -94,7 +94,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @contextlib.contextmanager
 def served(folder: Path):
-    """The address at which this machine sees a folder."""
+    """Serves a folder to this machine; gives its address."""
     handler = functools.partial(Quiet, directory=folder)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -105,7 +105,7 @@ def served(folder: Path):
 def install_npm(package: str, folder: Path) -> Path:
     """Installs a package of npm; returns the folder of packages.
 
-    Without npm the test is ignored, and fails where `CI` is set.
+    Without npm the test is ignored, or fails if `CI` is set.
     """
     if not shutil.which("npm"):
         if os.environ.get("CI"):

@@ -1,6 +1,6 @@
-"""A real Blender subscribes to the site, installs and updates: bpy, and an executable.
+"""A real Blender, as bpy and as an executable, subscribes to the site, installs and updates.
 
-`ANYFACE_BLENDER` names the executable. Nothing but this machine is asked.
+`ANYFACE_BLENDER` names the executable. The tests contact only this machine.
 """
 
 import json
@@ -28,10 +28,10 @@ def starts():
 
 @pytest.fixture(params=starts())
 def session(request, voice, tmp_path):
-    """`session(action, address)` is the output of a new Blender with the same user."""
+    """`session(action, address)` runs a new Blender of the same user; returns its result."""
     user = tmp_path / "user"
     user.mkdir()
-    # The executable may see the folder for temporary files alone.
+    # The executable may see only the folder for temporary files.
     files = [shutil.copy(path, tmp_path) for path in (SCRIPT, HEAD, voice)]
 
     def run(action, address):
@@ -59,7 +59,7 @@ def test_it_installs_speaks_and_updates(extension, session, tmp_path):
         write_site(folder, "--packages", packages(extension, tmp_path / "second", "0.2.0"))
         assert session("update", address)["version"] == "0.2.0"
         later = session("speak", address)
-    # In a new session the new version speaks as the old one, and the settings are the artist's.
+    # In a new session the new version speaks like the old one and keeps the artist's settings.
     assert later == {**installed, "version": "0.2.0"}
     assert later["enabled"] and later["threads"] == 3
 

@@ -1,6 +1,6 @@
-"""Pages of the site in Chromium: addresses in full, light and dark, no fault that axe can find.
+"""Pages of the site in Chromium: full addresses, light and dark schemes, and no fault for axe.
 
-Where there is no Chromium and no npm the test is ignored, and fails where `CI` is set.
+Without Chromium or npm the test is ignored, or fails if `CI` is set.
 """
 
 import os
@@ -23,7 +23,7 @@ PAGES = ("index.html", "docs/index.html", "docs/python.html", "extensions/index.
 
 @pytest.fixture(scope="module")
 def axe(tmp_path_factory):
-    """The text of axe."""
+    """The source text of axe."""
     if not any(map(shutil.which, browser.BROWSERS)):
         if os.environ.get("CI"):
             pytest.fail("Chromium is not installed")

@@ -1,4 +1,7 @@
-"""npm installs the package from the site, and Node imports it; `cargo xtask web` has built it."""
+"""npm installs the package from the site, and Node imports it.
+
+`cargo xtask web` must have built the package.
+"""
 
 import os
 import shutil

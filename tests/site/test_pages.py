@@ -1,4 +1,4 @@
-"""Pages of the site: links lead somewhere, nothing comes from other hosts, gaps are explained."""
+"""Pages of the site: links have a target, nothing loads from other hosts, gaps are explained."""
 
 import hashlib
 import html.parser
@@ -8,7 +8,7 @@ from conftest import HERE
 
 
 class Page(html.parser.HTMLParser):
-    """What a page links to and loads, and the names within it."""
+    """The links of a page, the files that it loads, and the names within it."""
 
     def __init__(self, text):
         super().__init__()
@@ -32,7 +32,7 @@ class Page(html.parser.HTMLParser):
 
 
 def pages(site):
-    """Pages by their paths, but for what `cargo xtask web` makes and for examples to copy."""
+    """Pages by path, except those that `cargo xtask web` makes and the examples to copy."""
     others = {"web", "examples"}
     paths = [path for path in site.rglob("*.html") if not others.intersection(path.parts)]
     return {path.resolve(): Page(path.read_text()) for path in paths}

@@ -1,4 +1,4 @@
-"""pip installs the wheel from the site and from its folder, and a clip comes out."""
+"""pip installs the wheel from the site and from its folder, and the package makes a clip."""
 
 import os
 import subprocess

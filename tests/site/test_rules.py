@@ -14,14 +14,14 @@ import pytest
 from conftest import ROOT
 
 SOURCES = sorted((ROOT / "blender-addon").rglob("*.py"))
-# Modules that Blender itself brings.
+# Modules that come with Blender.
 BLENDERS = {
     "aud", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils", "numpy", "pxr",
     "zstandard",
 }  # fmt: skip
-# What only the Python outside of Blender needs that hands out a batch.
+# Modules that only a Python outside of Blender needs, when it distributes a batch.
 OUTSIDE = {"farm/cluster.py": {"cloudpickle", "distributed"}}
-# Modules of Python by which a program reaches other machines.
+# Modules of Python with which a program can reach other machines.
 ONLINE = {"asyncio", "ftplib", "http", "smtplib", "ssl", "urllib", "webbrowser", "xmlrpc"}
 LARGEST_BYTES = 200_000_000
 LIBRARIES = {
@@ -32,7 +32,7 @@ LIBRARIES = {
 
 @pytest.fixture(scope="module")
 def archive(extension):
-    """The zip, open."""
+    """The opened zip."""
     with zipfile.ZipFile(extension) as file:
         yield file
 
@@ -84,7 +84,7 @@ def test_the_manifest_credits_whose_work_is_inside(manifest):
 def test_the_manifest_asks_for_no_more_than_the_code_takes(manifest):
     assert set(manifest["permissions"]) == {"files", "microphone", "network"}
     names = {alias for tree in trees().values() for alias in imported(tree)}
-    # The network is Dask's; there would be nothing to ask for without it.
+    # Only Dask uses the network. Without Dask there would be nothing to ask permission for.
     assert "distributed" in names
 
 
@@ -95,7 +95,7 @@ def test_the_zip_holds_sources_and_the_libraries_of_one_system(archive):
     libraries = {item.removeprefix("lib/") for item in names if item.startswith("lib/")} - {""}
     assert libraries and libraries <= LIBRARIES
     endings = {"", ".json", ".md", ".npz", ".py", ".toml", ".txt"}
-    # Texts that are filled in for others, none of which Blender runs.
+    # Templates that are filled in for other programs. Blender runs none of them.
     templates = {".html", ".js", ".json", ".py", ".sh", ".yaml"}
     others = [item for item in names if not item.startswith("lib/") and not item.endswith("/")]
     for item in others:
@@ -110,7 +110,7 @@ def test_the_zip_is_small_enough_to_upload(extension):
 
 
 def imported(tree):
-    """Top names of modules that a source imports by absolute names."""
+    """Top-level names of the modules that a source imports by absolute name."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
@@ -120,7 +120,7 @@ def imported(tree):
 
 def test_modules_are_its_own_by_relative_names_or_those_of_blender():
     for path, tree in trees().items():
-        # Names by which it starts without Blender stand in this one file.
+        # Only this file may use the module name by which the extension starts without Blender.
         start_modules = {"anyface_batch"} if path == "anyface_batch.py" else set()
         known = BLENDERS | sys.stdlib_module_names | OUTSIDE.get(path, set()) | start_modules
         assert not set(imported(tree)) - known, path

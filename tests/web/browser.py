@@ -1,4 +1,4 @@
-"""A page in headless Chromium, over the protocol of its developer tools."""
+"""A page in headless Chromium, controlled over the protocol of its developer tools."""
 
 import base64
 import json
@@ -10,13 +10,13 @@ from pathlib import Path
 
 from websockets.sync.client import connect
 
-# Names under which systems have the browser.
+# Names of the browser's command on different systems.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _KEYS = {"Tab": 9, "Enter": 13, " ": 32, "Home": 36, "ArrowLeft": 37, "ArrowDown": 40, "Escape": 27}
 
 
 def wait(is_so, seconds: float = 120.0):
-    """Waits until `is_so()` is true; returns its value."""
+    """Waits until `is_so()` is true and returns its value; fails after `seconds`."""
     end = time.monotonic() + seconds
     while not (answer := is_so()):
         assert time.monotonic() < end, "nothing came"
@@ -25,8 +25,10 @@ def wait(is_so, seconds: float = 120.0):
 
 
 class Page:
-    """A page in a browser of its own; `prefix`: words before the browser's command, such as
-    `taskset`."""
+    """A page in a browser of its own.
+
+    `prefix` holds words before the browser's command, such as `taskset`.
+    """
 
     def __init__(self, address: str, flags=(), prefix=(), size=(1280, 800)):
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)

@@ -1,9 +1,8 @@
-"""The library as WebAssembly, its npm package and its page: beside the command, in Node and in
-Chromium.
+"""The library as WebAssembly, its npm package and its page, in Node and in Chromium.
 
-`cargo xtask web` makes what is tested, in target/web; `ANYFACE_COMMAND` names the command. Where
-the tools are missing the tests are ignored, and fail where `CI` is set. Pictures lie in
-target/web-pictures after a run.
+`cargo xtask web` builds them in target/web. The tests compare the motion with that of the command,
+which `ANYFACE_COMMAND` names. If tools are missing, the tests are ignored, or fail if `CI` is set.
+A run leaves pictures in target/web-pictures.
 """
 
 import base64
@@ -35,7 +34,7 @@ MOST_BYTES = 10_000_000
 
 
 def need(*tools: str) -> None:
-    """Skips the test if none of these tools is installed; fails it where `CI` is set."""
+    """Skips the test if none of these tools is installed, or fails it if `CI` is set."""
     if not any(map(shutil.which, tools)):
         if os.environ.get("CI"):
             pytest.fail(f"{tools[0]} is not installed")
@@ -44,7 +43,7 @@ def need(*tools: str) -> None:
 
 @pytest.fixture(scope="module")
 def served():
-    """The folder that a host serves."""
+    """The folder that a web server serves."""
     need("node")
     if not (SERVED / "index.html").is_file():
         subprocess.run(["cargo", "xtask", "web"], cwd=ROOT, check=True)
@@ -52,7 +51,7 @@ def served():
 
 
 def spoken(seconds: float) -> np.ndarray:
-    """Syllables of a voice that glides, within ±1."""
+    """Syllables of a voice with gliding pitch, within ±1."""
     time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     pitch = 120 * (1 + 0.1 * np.sin(5.6 * time_s))
     phase = 2 * np.pi * np.cumsum(pitch) / RATE_HZ
@@ -134,7 +133,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def address(served):
-    """Address of a server that has the page."""
+    """Address of a server for the page."""
     need(*browser.BROWSERS)
     PICTURES.mkdir(exist_ok=True)
     handler = functools.partial(Quiet, directory=served)
@@ -231,7 +230,7 @@ def test_dropped_files_speak_with_emotion_and_gestures_and_become_a_glb(page):
     page.read("document.getElementById('export').click()")
     assert browser.wait(lambda: page.read("window.saved?.size")) > 100_000
     assert "Saved anyface.glb" in status(page)
-    # What was saved is a head as well, with a material of its own.
+    # The saved file is a head too, with a material of its own.
     before = frames(page)
     page.read(
         "const d = new DataTransfer(); d.items.add(new File([window.saved], 'again.glb'));"

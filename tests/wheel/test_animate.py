@@ -1,4 +1,4 @@
-"""Meshes and sounds in, motion out, as a pipeline calls it."""
+"""Calls the package as a pipeline does: meshes and sounds in, motion out."""
 
 import importlib
 import json
@@ -33,7 +33,7 @@ def test_a_clip_is_a_sequence_of_its_frames(clip):
 
 def test_a_voice_moves_the_lips_and_landmarks_go_with_the_skin(clip):
     assert clip.speaks and 2.0 < clip.largest_mm < 40.0
-    # The chin, number 8: within some millimetres of a vertex, which moves as it does.
+    # The chin is landmark 8. A vertex within some millimetres of it moves as it does.
     chin = clip.landmarks[8]
     nearest = np.argmin(np.linalg.norm(clip.rest - chin, axis=1))
     moved = clip.landmark_displacements[:, 8]

@@ -1,4 +1,4 @@
-"""What the wheel holds, and that it installs where there is nothing but numpy."""
+"""The content of the wheel, and its installation into an environment with only numpy."""
 
 import base64
 import csv

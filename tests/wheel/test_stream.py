@@ -1,4 +1,4 @@
-"""A face while somebody is speaking, and the microphone that hears him."""
+"""Streams of a face while somebody is speaking, and the microphone."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from conftest import RATE_HZ, spoken
 
 
 def followed(anyface, blocks, **options):
-    """The frames of a voice that comes in these blocks."""
+    """The frames of a stream that gets a voice in these blocks."""
     with anyface.Stream(any_sound=True, **options) as stream:
         frames = []
         for block in blocks:
@@ -43,7 +43,7 @@ def test_a_voice_opens_the_mouth_and_an_emotion_smiles(anyface):
 
 
 def test_an_emotion_is_heard_as_it_comes(anyface):
-    # A buzz is no feeling of anybody; what matters is that it is heard alike however it comes.
+    # A buzz carries no emotion. What matters is that blocks of any size give the same result.
     voice = spoken(3.0)
     whole = followed(anyface, [voice], emotion="auto")
     pieces = followed(anyface, np.split(voice, range(1600, len(voice), 1600)), emotion="auto")

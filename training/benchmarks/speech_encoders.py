@@ -30,7 +30,10 @@ ENCODERS = {
     "hubert_large": (HubertModel, HubertConfig(**LARGE)),
     "wav2vec2_xlsr": (Wav2Vec2Model, Wav2Vec2Config(**LARGE)),
 }
-"""Sizes of facebook/hubert-base-ls960, hubert-large-ll60k and wav2vec2-large-xlsr-53."""
+"""Class and config of each encoder.
+
+The sizes are those of facebook/hubert-base-ls960, hubert-large-ll60k and wav2vec2-large-xlsr-53.
+"""
 
 
 def write_encoder(folder: Path, name: str) -> int:

@@ -45,7 +45,7 @@ ONSET_S, HOLD_S, OFFSET_S = (0.1, 0.4), (0.0, 1.5), (0.2, 0.8)
 STRENGTH = (0.6, 1.0)
 BOTH_SIDES, PAIRED = 0.6, 0.35
 SLOT_SHARE = 0.2
-"""Share of its strength from which an added event counts as active."""
+"""An added event counts as active in frames where it exceeds this share of its strength."""
 
 
 def channels(unit: str, side: int) -> list[int]:

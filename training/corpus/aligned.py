@@ -30,7 +30,7 @@ UNSEEN_LANGUAGES = ("fi", "hu", "el")
 """Languages that training never sees. They measure how well the encoder generalises."""
 
 MEASURED_LANGUAGES = (*UNSEEN_LANGUAGES, "de", "es", "fr", "hi", "it", "pl", "cmn")
-"""Languages in the report. Those that training speaks too get sentences from another seed."""
+"""Languages in the report. Training speaks some of them too, but not the sentences of `MEASURED_SEED`."""
 
 MEASURED_SEED = 1_000_003
 
@@ -56,7 +56,7 @@ ALPHABETS = {
     "hu": ("b c cs d f g gy h j k l m n p r s sz t v z", "a á e é i o ö ő u ü ű"),
     "el": ("β γ δ ζ θ κ λ μ ν ξ π ρ σ τ φ χ ψ μπ", "α ε η ι ο υ ω ου"),
 }
-"""Consonant and vowel spellings of each language that espeak-ng speaks here."""
+"""For each language that espeak-ng speaks here, the spellings of consonants and of vowels."""
 
 VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4")
 

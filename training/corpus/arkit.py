@@ -30,10 +30,13 @@ RIDGE, SPARSE = 1e-3, 4e-4
 STEPS = 300
 CHUNK = 20000
 EYES = [i for i, c in enumerate(CHANNELS) if c.startswith(("eyeBlink", "eyeLook"))]
-"""Lids and gaze: no voice moves them, and a reader's look down."""
+"""Channels of lids and gaze. The fit leaves them out: no voice moves them, and readers look down."""
 LEAST_M = 1e-6
 SIDEWAYS = [CHANNELS.index(c) for c in ("mouthLeft", "mouthRight", "jawLeft", "jawRight")]
-"""Channels that a symmetric motion does not use; in pairs they would cancel out."""
+"""Channels that the fit leaves out.
+
+Symmetric motion does not use them, and left and right together would cancel out.
+"""
 COSTS = {
     "mouthShrugUpper": 4.0,
     "mouthPress": 6.0,
@@ -47,9 +50,12 @@ COSTS = {
     "mouthPucker": 0.2,
     "mouthClose": 0.5,
 }
-"""How unlikely a channel is in speech; channels that are not listed count 1."""
+"""How unlikely channels are in speech: a factor on the fit's ridge and sparsity.
+
+A name stands for every channel that begins with it. Channels that are not listed count 1.
+"""
 GAP_WEIGHT, WIDTH_WEIGHT = 3.0, 6.0
-"""Weights of the lip gap and the mouth's width, beside a landmark's."""
+"""Factors on the lip gap and the mouth's width, which the fit compares beside the landmarks."""
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ import numpy as np
 from training.corpus.phones import FEATURES, SEGMENTS, feature_table
 
 COMPONENTS = ("chin", "width", "protrusion", "upper", "lower", "corners")
-"""What the mouth does, each a pattern of landmark motion with dominance functions of its own."""
+"""Components of mouth motion. Each is a landmark pattern with its own dominance functions."""
 
 SIBILANTS = "szʃʒʂʐɕʑ"
 

@@ -24,9 +24,9 @@ SHIFT_S = 0.14
 DRIFT_S = 0.1
 DRIFT_FROM_S = 9.0
 SURE_R = 0.3
-"""Below this correlation of gap and loudness a lag says nothing."""
+"""A lag counts only if lip gap and loudness correlate by more than this at that lag."""
 FACE_WIDTH_M = (0.09, 0.2)
-"""Distance of the landmarks 0 and 16 on people, children included."""
+"""Least and greatest distance of landmarks 0 and 16 on people, children included, in metres."""
 LENGTH_S = 0.3
 FROZEN_S = 0.2
 LOST_SHARE = 0.05

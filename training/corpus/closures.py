@@ -14,16 +14,19 @@ INNER_UPPER, INNER_LOWER = (61, 62, 63), (67, 66, 65)
 OUTER_UPPER, OUTER_LOWER = (49, 50, 51, 52, 53), (59, 58, 57, 56, 55)
 OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
 UPPER_SHARE = 0.35
-"""Share of a closing motion that the upper lip makes."""
+"""The upper lip makes this share of a closing motion, the lower lip the rest."""
 MET_SHARE = 0.15
 SURE_FROM, SURE_AT = 0.2, 0.35
 PEAK_FRAMES, PEAK_SHARE = 2, 0.75
-"""A probability counts if it is this near to the highest within so many frames to either side."""
+"""A frame counts if its probability is at least `PEAK_SHARE` of the highest one nearby.
+
+Nearby means within `PEAK_FRAMES` frames on either side.
+"""
 TOUCHING_M = -0.5e-3
-"""Opening over that of the neutral face at which lips touch in speech."""
+"""Lips touch in speech at this opening, in metres relative to the neutral face."""
 BEFORE_FRAMES = 2
 FASTEST_M_S, SPEED_UP_S = 0.28, 0.02
-"""Greatest speed at which lips close and open, and the time they take to reach it."""
+"""Greatest speed of closing and opening lips in m/s, and the seconds they take to reach it."""
 HALF_TOUCH_S = 0.015
 EDGES_S = 0.13
 REACH_S = 0.02

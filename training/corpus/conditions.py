@@ -19,5 +19,5 @@ EMOTIONS = [
 ]
 
 UNITS = ["1", "2", "4", "5", "6", "7", "9", "10", "12", "14", "15", "17", "20", "26", "28", "45"]
-"""Action units of fine control (Cafe-Talk §4.2.1, appendix C.2)."""
+"""The action units that fine control can set (Cafe-Talk §4.2.1, appendix C.2)."""
 SIDES = 2

@@ -22,7 +22,10 @@ HZ = 100.0
 SWITCH_COST = 3.0
 SKIP_COST = 6.0
 LEAST_DECODED, LEAST_ALIGNED = -1.1, -2.2
-"""Least mean log-posterior of a path. Recordings below it are not used."""
+"""A recording is used only if the mean log-posterior of its path exceeds this.
+
+The first bound is for speech without text (`decode`), the second for known text (`align`).
+"""
 
 
 class PhoneReader:

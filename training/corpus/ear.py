@@ -33,14 +33,18 @@ from training.speech.compact import normalise
 
 LAYERS = (2, 4, 6)
 FRAMES_EACH = 2
-"""Features of Whisper per frame of motion."""
+"""Number of Whisper's feature vectors per frame of motion."""
 LEVELS = 8
 VOICES, ROOMS = 3, 2
-"""Voices of a recorded clip, its own included. The others are re-voiced and sound in another room."""
+"""Versions of each training clip with recorded motion. Held-out clips have only their own voice.
+
+`VOICES` counts the clip's own voice and re-voiced copies. `ROOMS` counts further re-voiced copies that
+sound as if in another room.
+"""
 VERSION = 2
 UNTIMED = ("kerstin_de", "picovoice_en")
 UNHEARD = ("librivox_en", *(f"espeak_{language}" for language in UNSEEN_LANGUAGES))
-"""Speech that no training hears."""
+"""Sources of speech that no training uses."""
 
 
 @dataclass(kw_only=True)

@@ -15,7 +15,7 @@ from training.corpus.phones import PAUSE, Phone
 
 SOURCE = "emodb_de"
 HELD_OUT = ("09", "12")
-"""A woman and a man whom no training hears."""
+"""Actors whom no training hears, a woman and a man."""
 NAMES = {
     "anger": "angry",
     "happiness": "happy",
@@ -36,7 +36,7 @@ SAMPA = {
     "H": "ɦ", "j": "j", "l": "l", "L": "l", "r": "r", "R": "ʁ", "B": "β", "D": "ð", "G": "ɣ", "?": "ʔ",
     "nn": "n", "NN": "ŋ", "ss": "s", "vv": "v",
 }  # fmt: skip
-"""EmoDB's signs → IPA; it has no separate signs for long vowels."""
+"""EmoDB's signs → IPA. EmoDB has no separate signs for long vowels."""
 ASPIRATED = "asp"
 MODIFIERS = ("+", "-", "(", "[", "hoe")
 

@@ -45,7 +45,7 @@ AU_TO_ARKIT = {
     "45L": ["eyeBlink_L"],
 }
 OPENING = {"9", "10", "10R", "16", "17", "20", "26"}
-"""Units that part, lift or stretch the lips. Their effect on the mouth yields where lips close."""
+"""Units that part, lift or stretch the lips. Their effect on the mouth weakens when lips close."""
 YIELDING = [*range(3, 14), *range(48, 68)]
 PROTOTYPES = {
     "neutral": {},

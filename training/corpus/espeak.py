@@ -19,7 +19,7 @@ PHONE = 7
 UTF8 = 1
 TIE = "^"
 IPA_WITH_TIES = 2 | 128 | ord(TIE) << 8
-"""Mode of `espeak_TextToPhonemes`: IPA, and `TIE` between the letters of one sound."""
+"""Mode for `espeak_TextToPhonemes`: it writes IPA, with `TIE` between the letters of one sound."""
 RATE, PITCH, RANGE = 1, 3, 4
 
 

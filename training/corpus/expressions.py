@@ -12,7 +12,7 @@ from training.corpus.facegood import arkit_takes, channel_rows
 from training.corpus.faces import CHANNELS
 
 HELD_OUT_TAKE = "1114_3_15"
-"""The take of facegood_zh that only the evaluation sees."""
+"""The take of facegood_zh that is held out for the evaluation."""
 
 UPPER = [i for i, c in enumerate(CHANNELS) if c.startswith(("brow", "eye", "cheekS", "nose"))]
 

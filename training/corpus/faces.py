@@ -27,7 +27,7 @@ CHANNELS = [
     "mouthShrugUpper", "mouthSmileLeft", "mouthSmileRight", "mouthStretchLeft",
     "mouthStretchRight", "mouthUpperUpLeft", "mouthUpperUpRight", "noseSneerLeft", "noseSneerRight",
 ]  # fmt: skip
-"""ARKit's channels without tongueOut, which neither face can show."""
+"""All of ARKit's channels but tongueOut, which neither of the two faces can show."""
 
 
 @dataclass(frozen=True)

@@ -35,11 +35,13 @@ SHARES = (3.0, 1.0, 1.5, 0.7, 0.5, 0.7, 0.3)
 VELOCITY_SHARE = 1.0
 PRIOR = 2e-4
 SPREAD = {"strength": 0.7, "rate": 0.4, "offset": 0.7, "kin": 2.0}
-"""Standard deviations of the prior. `strength` and `rate` are in nepers, the others in deviations of the
-component's own motion."""
+"""Standard deviation of each parameter's prior.
+
+`strength` and `rate` are in nepers, the others in standard deviations of the component's own motion.
+"""
 SLOWEST_HZ, FASTEST_HZ = 6.0, 60.0
 LEAST_SEEN = 20
-"""Segments heard less often than this have no offset of their own."""
+"""A segment gets its own offset only if the clips contain it at least this many times."""
 
 
 def measures(motion: np.ndarray) -> np.ndarray:

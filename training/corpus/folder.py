@@ -44,7 +44,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 HEADS = ("moves", "still")
 SOUNDS = (".wav", ".flac", ".ogg")
 STRONGEST = 1.5
-"""Greatest intensity of an emotion that the model knows."""
+"""Greatest intensity of an emotion that the model supports. Greater ones are rejected."""
 
 
 @dataclass(frozen=True)

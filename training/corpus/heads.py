@@ -23,18 +23,24 @@ from training.corpus.faces import CHANNELS, load_ict
 COEFFICIENTS = 100
 FACE_VERTICES = 9409
 BOX_M = 0.12
-"""Distance of the far points from the head."""
+"""The box in which far points are drawn reaches this many metres beyond the head on every side."""
 SPREAD_M, FURTHEST_M = 2e-3, 6e-3
-"""Distance of places beside the surface: its deviation and its bound."""
+"""Standard deviation and bound of the distance at which places are drawn beside the surface."""
 UNTOUCHED_M = 1e-4
-"""By how much another part of the surface may lie nearer to such a place than its own part."""
+"""A place is dropped if another part of the surface is nearer than its own by more than this.
+
+The bound grows by 2 % of the distance from its own part.
+"""
 ON_SURFACE = 0.4
 FACE_SHARE, FEATURE_SHARE, FEATURE_M, LIP_SHARE = 2.0, 8.0, 8e-3, 12.0
-"""How much more often than by area triangles are drawn: of the face, near landmarks of brows, eyes, nose and
-mouth, and at the lips."""
+"""A triangle is drawn in proportion to its area times 1 plus these shares.
+
+`FACE_SHARE` counts for the face, `FEATURE_SHARE` near landmarks of brows, eyes, nose and mouth, and
+`LIP_SHARE` near the lips. The last two fall off as a Gaussian, to 1/e at `FEATURE_M` metres.
+"""
 CHUNK = 100
 UNCLEAR = 0.3
-"""Points whose winding number is nearer to 0.5 are left out: they lie on the surface."""
+"""A point lies on the surface and is dropped if its winding number is this near to 0.5."""
 CARRIERS, CARRIER_M = 40, 4e-3
 DENSE = 1_500_000
 VERSION = 3

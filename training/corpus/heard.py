@@ -29,18 +29,18 @@ from training.speech.compact import CompactEncoder, normalise
 from training.speech.log_mel import FLOOR, mel_filters, power_spectrum
 
 WARPS = (0.86, 1.0)
-"""Vocal tract lengths at which each recording is heard: a man's and the voice's own."""
+"""Factors on a voice's frequencies: 0.86 imitates a man's vocal tract, 1 keeps the voice's own."""
 
 VERSION = 2
 EMODB_HELD_OUT = ("03", "08")
-"""A man and a woman of the ten actors."""
+"""Actors whom training never hears: a man and a woman out of ten."""
 
 SAMPA = {
     "E": "ɛ", "6": "ɐ", "I": "ɪ", "S": "ʃ", "X": "x", "x": "x", "N": "ŋ", "@": "ə", "O": "ɔ", "Y": "ʏ",
     "9": "œ", "2": "ø", "Q": "ʔ", "?": "ʔ", "C": "ç", "R": "ʁ", "r": "ʁ", "U": "ʊ", "Z": "ʒ", "g": "ɡ",
 }  # fmt: skip
 TEXT_EVERY = 2
-"""One of so many recordings with text is used: kathleen reads the same sentences more than once."""
+"""One in this many recordings with text is used: kathleen reads some sentences more than once."""
 
 TEXTS = {"en-us": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
 

@@ -28,9 +28,9 @@ from training.flags import run_command
 FPS = 15.0
 STRETCH_S = 10.0
 HOLD_S = 0.6
-"""Time from one random expression of the upper face to the next."""
+"""Seconds from one random expression to the next."""
 CHAIN_EVERY = 4
-"""One stretch in so many is a chain of random expressions instead of speech."""
+"""One stretch in this many is a chain of random expressions instead of speech."""
 
 
 @dataclass(frozen=True)

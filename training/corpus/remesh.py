@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from training.corpus.faces import Face
 
 MIN_AGGRESSION = 6
-"""fast_simplification stalls above its target below this."""
+"""Least aggression. With less, fast_simplification stalls before it gets down to its target."""
 
 
 def carry(face: Face, mixture: sp.csr_matrix, triangles: np.ndarray, landmarks: np.ndarray) -> Face:

@@ -20,7 +20,7 @@ HUM_HZ = 70.0
 COMPRESSION = 0.25
 COLOUR_NEPERS = 1.0
 NOISE_NEPERS = (1.5, 9.0)
-"""How far the noise of a room lies under speech, in nepers of power."""
+"""A room's noise lies this far below the speech, in nepers of power: range of a random value."""
 ECHO_FRAMES = 40
 
 

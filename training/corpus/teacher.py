@@ -32,14 +32,20 @@ REACH_S = 1.0
 CLOSE_BEFORE_S, CLOSE_AFTER_S, EDGE_S = 0.05, 0.05, 0.01
 CLOSED_GAP_M = -0.2e-3
 LEAST_GAP_M = -0.5e-3
-"""Opening over that of the neutral face at which lips meet, and least opening of pressed lips."""
+"""Opening of the lips where they meet, in metres relative to the neutral face (`CLOSED_GAP_M`).
+
+Pressed lips have an opening of at least `LEAST_GAP_M`.
+"""
 CLARITY = {
     "chin": {"open": 0.9},
     "lower": {"open": -0.7},
     "width": {"round": -1.2, "front": 0.5},
     "protrusion": {"round": 1.3},
 }
-"""What a feature of a vowel adds to its components, in deviations of the speaker's motion. Our own choice."""
+"""For each component, what a vowel's features add to its target. The values are our own choice.
+
+The unit is one standard deviation of the speaker's motion.
+"""
 MIDDLE = {"open": 0.5, "round": 0.0, "front": 0.0}
 LOWER_FACE = [*range(3, 14), *range(31, 36), *range(48, 68)]
 

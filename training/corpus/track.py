@@ -31,9 +31,12 @@ IBUG_OF_MESH = [
     33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,
     61, 39, 37, 0, 267, 269, 291, 405, 314, 17, 84, 181, 78, 82, 13, 312, 308, 317, 14, 87,
 ]  # fmt: skip
-"""Points of MediaPipe's mesh (468 and more) nearest to the 68 iBUG landmarks."""
+"""For each of the 68 iBUG landmarks, the nearest point of MediaPipe's mesh of 468 points or more."""
 PICTURE_TO_FACE = np.array([1.0, -1.0, -1.0])
-"""MediaPipe: +x to the right of the picture, +y down, +z away from the camera."""
+"""Turns MediaPipe's axes into the face's.
+
+MediaPipe has +x to the right of the picture, +y down, +z away from the camera.
+"""
 
 
 @dataclass
@@ -45,7 +48,7 @@ class DetectedFace:
 
 
 Detect = Callable[[np.ndarray], DetectedFace | None]
-"""Takes an RGB picture [H, W, 3] u8."""
+"""Finds the face in an RGB picture [H, W, 3] u8. Returns None if there is no face."""
 
 
 def track(folder: Path, model: Path) -> None:

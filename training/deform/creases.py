@@ -23,9 +23,12 @@ from scipy.spatial import cKDTree
 
 NEIGHBOURS = 4
 SOFT_DM = 0.003
-"""Added to distances, so that a point at distance 0 does not outweigh all others."""
+"""This is added to distances, so that a point at distance 0 does not outweigh all others."""
 FULL_WITHIN_DM, GONE_AT_DM = 0.06, 0.12
-"""Up to the first distance of the nearest point a vertex follows fully; from the second on it does not."""
+"""Distances from a vertex to its nearest point.
+
+Up to the first a vertex follows its points fully. From the second on it does not follow at all.
+"""
 
 
 @dataclass

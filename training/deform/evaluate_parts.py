@@ -25,12 +25,14 @@ from training.engine import Engine
 from training.flags import run_command
 
 GAZE = [i for i, c in enumerate(CHANNELS) if c.startswith("eyeLook")]
-"""Channels that turn the eyes: landmarks say nothing of an eyeball's turning."""
+"""Channels that turn the eyes. They are set to 0: landmarks do not show how an eyeball turns."""
 MOVES_CM = 0.5
-"""A vertex of gums and tongue that jawOpen moves further than this belongs to the lower jaw."""
+"""A vertex of gums and tongue belongs to the lower jaw if jawOpen moves it further than this."""
 TONGUE_WITHIN_CM = 0.2
-"""A vertex of the lower jaw's soft part further from every lower tooth than this, and between them,
-counts as tongue."""
+"""A soft vertex of the lower jaw counts as tongue if it is further than this from every lower tooth.
+
+It must also lie between the teeth, less than 2 cm from the middle plane.
+"""
 
 
 @dataclass(frozen=True)

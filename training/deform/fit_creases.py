@@ -34,13 +34,15 @@ from training.nn.checkpoint import load_model, write_model
 NOISE_DM = 0.005
 RANK = 18
 POINTS = {"ict": 3500, "makehuman": 2000}
-"""Number of points on one side of each reference, in the order of the static weights' kinds. The other side
-has as many."""
+"""Number of points on one side of each reference. The other side has the same number.
+
+The references are in the order of the static weights' kinds.
+"""
 FRAMES = 1500
 LEAST_DM = 5e-4
-"""A point whose residual never exceeds this says nothing."""
+"""No points are drawn on a triangle whose residual never exceeds this: it has nothing to teach."""
 FACE = range(17, 68)
-"""Landmarks that creases may depend on."""
+"""Landmarks whose motion may fold creases: all but the contour's."""
 SIDE = np.array([-1.0, 1.0, 1.0])
 
 

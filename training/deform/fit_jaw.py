@@ -23,7 +23,10 @@ from training.flags import run_command
 
 CONTOUR = list(range(2, 15))
 RIDGE = 0.01
-"""Share of the landmarks' mean power; a tenth or tenfold changes the teeth by less than 0.1 mm."""
+"""Ridge of the regression, as a share of the landmarks' mean power.
+
+A ridge ten times smaller or larger changes the teeth by less than 0.1 mm.
+"""
 TARGET = REPOSITORY / "rust-core/src/deform/jaw_from_contour.json"
 
 

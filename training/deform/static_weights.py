@@ -30,17 +30,17 @@ CORRECTION_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 
 FADED_AT = 3.0
-"""Remoteness at which the correction has faded to nothing; full up to one less."""
+"""At this remoteness the correction has faded to nothing. Up to one less it is full."""
 
 KNOWN, UNKNOWN = 0.9, 1.3
-"""Distance from the learned faces within which a face is fully familiar, and from which only `floor` of the
-correction is left.
+"""Distances of a face from the learned faces (`strangeness`).
 
-Of unseen identities and warps 95 % lie under 0.75. A face of another kind lies at 1.45 or more.
+Up to the first a face is fully familiar. From the second on only `floor` of the correction is left.
+95 % of unseen identities and warps lie below 0.75. A face of another kind lies at 1.45 or more.
 """
 
 SHAPE_NOISE_DM = 0.007
-"""Standard deviation of a landmark's error."""
+"""Standard deviation of the error in each coordinate of a landmark."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS + 1
 
 
 MIRROR = torch.from_numpy(permutation())
-"""For each iBUG landmark the one on the other side. [N]."""
+"""For each iBUG landmark, the number of its mirror image on the other side. [N]."""
 FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 

@@ -12,7 +12,7 @@ from training.deform.tension_screened_biharmonic import laplacian_and_mass
 from training.nn.diffusion_net import SurfaceOperators
 
 RIDGE = 1e-5
-"""Ridge of the gradient's least squares, square of the unit of length; the authors' value."""
+"""Ridge of the gradient's least squares, in squared units of length: the authors' value."""
 
 
 def surface_operators(vertices: np.ndarray, triangles: np.ndarray, eigenpairs: int) -> SurfaceOperators:

@@ -29,23 +29,31 @@ REACHES = [
     (range(36, 48), 0.5),
     (range(48, 68), 6.0),
 ]
-"""Landmark numbers of one kind, and how far along the surface they carry in centimetres: contour,
-brows, nose, eyes, lips. A lid stops at the skull that holds the eye, while the lining of the mouth
-follows the lips a long way in."""
+"""Landmarks of each kind, and how many centimetres along the surface they move the skin.
+
+The kinds are contour, brows, nose, eyes and lips. A lid's motion stops at the skull that holds the
+eye, while the lining of the mouth follows the lips a long way in.
+"""
 
 
 LIDS = (range(36, 42), range(42, 48))
 """Landmarks around each eye, corner to corner and back."""
 
 CURVE_POINTS = 8
-"""Points of the lid's edge from one landmark to the next."""
+"""Number of points on the lid's edge from one landmark to the next."""
 
 OUTER_CM, INNER_CM = (0.3, 0.8), (0.5, 1.5)
-"""Distance from the lid's edge to which skin follows fully, and from which on it rests: outside,
-and on the lining behind the edge. Measured on ICT FaceKit's eyeBlink."""
+"""Distances from the lid's edge, for the outer skin and for the lining behind the edge.
+
+Up to the first distance skin follows the lid fully. From the second on it does not move. They were
+measured on ICT FaceKit's eyeBlink.
+"""
 
 BEHIND_CM = (0.1, 0.25)
-"""Depth behind the nearest point of the edge at which skin begins to count as lining, and does."""
+"""Depths behind the nearest point of the lid's edge.
+
+At the first depth skin begins to count as lining. From the second on it counts fully.
+"""
 
 
 @dataclass(frozen=True)
@@ -53,11 +61,11 @@ class TensionScreened:
     """Constants of the plate, in centimetres; chosen by random search on both faces of `corpus`."""
 
     tension: float = 2.5
-    """1/cm²."""
+    """The tension tau, in 1/cm²."""
     screen: float = 10.0
-    """1/cm⁴, from twice the reach of the nearest landmark on."""
+    """The screening S, in 1/cm⁴. It is full from twice the reach of the nearest landmark on."""
     spring: float = 1e4
-    """cm⁰, stiffness at a landmark: the plate keeps each landmark to a few micrometres."""
+    """Stiffness of a landmark's spring, unitless. It holds the landmark to a few micrometres."""
 
 
 def edge_graph(vertices: np.ndarray, laplacian: sp.csc_matrix) -> sp.csr_matrix:

@@ -24,12 +24,12 @@ STEPS = 24
 STIFFNESS = (30.0, 0.35)
 REACH_CM = (3.0, 0.8)
 LOOSE, MEAN_OF = 0.05, 24
-"""How strongly vertices without a partner follow the mean of so many vertices around them.
+"""How strongly a vertex without a partner follows the mean of the nearest `MEAN_OF` vertices.
 
-Ears follow ICT's vertices. What lies behind lips and lids follows the skin over it.
+Vertices of the ears follow ICT's vertices. Vertices behind lips and lids follow the skin over them.
 """
 AGREE = 0.55
-"""Least product of normals of partners."""
+"""The normals of two partners have at least this dot product."""
 
 
 @dataclass

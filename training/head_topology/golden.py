@@ -11,7 +11,7 @@ from training.head_topology.shape import shape
 from training.nn.checkpoint import read_arrays
 
 EVERY = 23
-"""Which vertices are kept."""
+"""The golden keeps one vertex in this many."""
 
 
 def write(out: Path, shared: Path) -> Path:

@@ -10,7 +10,7 @@ from training.deform.tension_screened_biharmonic import catmull_rom
 from training.head_topology.quads import normals
 
 UPPER_LASHES, LOWER_LASHES = (0.8, 0.45), (0.28, 0.14)
-"""Lengths of the longest and the shortest hair."""
+"""Lengths of the longest and the shortest lash on each lid, in centimetres."""
 HAIRS_PER_CM = 9.0
 BROW_STEPS, BROW_ROWS = 40, 4
 BROW_HALF_CM = [0.14, 0.25, 0.28, 0.26, 0.21, 0.13, 0.03]

@@ -33,19 +33,22 @@ from training.landmarks.canonical import from_ict
 from training.nn.checkpoint import write_model
 
 STEP_M = 8e-6
-"""Modes are stored as whole numbers of this length."""
+"""Modes are stored as whole multiples of this length."""
 EXTREME = 3.0
-"""The value of a slider that shows a target in full."""
+"""A slider applies its target in full at this value."""
 ANCESTRIES = ("african", "asian", "caucasian")
 SEXES = ("female", "male")
 HELPERS = {
     "eye_left": "helper-l-eye",
     "eye_right": "helper-r-eye",
 }
-"""MakeHuman's groups that its traits move as one part."""
+"""MakeHuman's group for each of our eyes. Traits shift and scale the eye like that group."""
 UPPER_JAW, LOWER_JAW = [31, 33, 35, 50, 51, 52], [56, 57, 58]
 BONES = {"teeth_upper": UPPER_JAW, "teeth_lower": LOWER_JAW, "tongue": LOWER_JAW}
-"""Landmarks whose skin says where traits move a jaw. MakeHuman's own teeth leave the skin by 6 mm."""
+"""Landmarks of the skin that teeth and tongue follow when traits move the jaws.
+
+MakeHuman's own teeth are not used for this, because they move away from the skin by 6 mm.
+"""
 DETAILS = (
     ("nose depth", 1.0, ["nose/nose-scale-depth"]),
     ("nose breadth", 1.0, ["nose/nose-scale-horiz"]),
@@ -54,17 +57,17 @@ DETAILS = (
     ("ear size", 0.5, ["ears/l-ear-scale", "ears/r-ear-scale"]),
     ("ears off the head", 1.0, ["ears/l-ear-wing", "ears/r-ear-wing"]),
 )
-"""Sliders by name, how much of a target each is in full, and of which targets."""
+"""Name of each slider, the share of its targets at full strength, and MakeHuman's targets."""
 MATERIALS = (
     "skin", "lips", "mouth", "sockets", "eye_white", "iris", "pupil", "teeth", "gums", "tongue",
     "lashes", "brows",
 )  # fmt: skip
 LIPS_REACH_CM = 2.5
 THICK_CM = 0.9
-"""How far behind cheeks and chin the mouth's bag stays."""
+"""The mouth's bag stays this far behind cheeks and chin, and less far near the lips."""
 SOCKET_OVER_BALL = 1.04
 EYE_CLEARANCE = 0.985
-"""Size of our eyeball relative to ICT's: its lids have some thickness."""
+"""Size of our eyeball relative to ICT's. It is smaller, because the lids have some thickness."""
 
 
 @dataclass

@@ -19,11 +19,11 @@ LOWER_WIDTHS, LOWER_HEIGHTS = (
 DEPTHS = [0.34, 0.34, 0.5, 0.72, 0.75, 0.95, 0.95]
 RING, LEVELS = 10, [0.0, 0.06, 0.22, 0.5, 0.8, 1.0]
 GUM_RING, GUM_INNER = 9, 4
-"""Points around the gum, and which of them lies deepest."""
+"""Number of points around the gum's tube, and index of the one that lies deepest in the gum."""
 SQUARENESS = 0.55
-"""The power that makes a circle a rounded square."""
+"""Exponent on the coordinates of a circle that turns it into a rounded square."""
 FULLNESS = [0.72, 0.9, 1.0, 0.98, 0.9, 0.8]
-"""Size of a crown's outline at each level from its edge to the gum."""
+"""Size of a crown's outline at each of `LEVELS` from its edge to the gum. The widest has 1."""
 
 
 class Arch:

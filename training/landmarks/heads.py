@@ -11,12 +11,18 @@ from training.landmarks.stepped import stepped
 from training.landmarks.stylise import EYES, company, smoothed, stylise
 
 COVERED, STEPPED = {"human": 0.06, "stylised": 0.4, "costume": 0.35, "character": 0.1}, 0.16
-"""How many heads of each kind have covered eyes (`covers`), and how many a surface in steps (`stepped`)."""
+"""Share of heads of each kind that get covered eyes (`covers`).
+
+`STEPPED` is the share of all heads that get a surface in steps (`stepped`).
+"""
 
 KINDS = ("human", "stylised", "costume", "character")
 SHARES = (0.5, 0.16, 0.16, 0.18)
-"""How many heads of each kind: people, their caricatures (`stylise`), those with things stuck on and
-features melted away (`adorn`), and heads made of clay (`characters`)."""
+"""Share of each of `KINDS`.
+
+The kinds are people, their caricatures (`stylise`), heads with things stuck on and features melted away
+(`adorn`), and heads made of clay (`characters`).
+"""
 
 COSTUMES = (
     (adorn.muzzle, 0.25),
@@ -95,7 +101,7 @@ def costumed(rng: np.random.Generator, head: Head) -> Head:
 
 
 HIDDEN = {"mouth": (slice(48, 68), 0.2), "eyes": (slice(36, 48), 0.35), "inner": (slice(17, 68), 0.35)}
-"""Share of each part that may be covered."""
+"""Landmarks of each part. The face counts as visible if less than this share of them is covered."""
 
 
 def face_is_visible(head: Head) -> bool:
@@ -111,7 +117,10 @@ def face_is_visible(head: Head) -> bool:
 
 
 LEAST_TRIANGLES = {"stylised": 500, "costume": 900, "character": 900}
-"""Least number of triangles. Fewer leave nothing of the features, and things stuck on need triangles too."""
+"""Fewest triangles that `low_poly` leaves a head of each kind.
+
+With fewer the features vanish, and things stuck on need triangles too.
+"""
 
 
 def low_poly(rng: np.random.Generator, head: Head, least: int) -> Head:

@@ -18,9 +18,9 @@ from training.landmarks import heads, pool, render, samples
 from training.landmarks.faceless import faceless
 
 HEADS_SHARE = 16
-"""Pictures of one head."""
+"""Number of pictures of each head."""
 FACELESS = 0.12
-"""Share of things without a face."""
+"""Share of heads that are replaced by a thing without a face."""
 VISIBLE, UNSURE = np.cos(np.radians(58.0)), np.cos(np.radians(75.0))
 QUANTUM = 80.0
 

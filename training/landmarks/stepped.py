@@ -9,7 +9,7 @@ import numpy as np
 from training.landmarks.samples import Head
 
 FINE, COARSE = (0.0015, 0.003), (0.006, 0.0085)
-"""Range of step lengths."""
+"""Ranges of fine and of coarse step lengths, in metres."""
 
 
 def step(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -32,7 +32,10 @@ from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import paper_mesh, predict, train_paper
 
 STM_CONFIG = PaperConfig(32, 32, 2, 2, 3, 4, 16, 48)
-"""Small enough for many trainings on a desk; position and normal go in, as in the paper."""
+"""Small enough to train many variants on a desktop computer.
+
+The inputs of a vertex are its position and normal, as in the paper.
+"""
 ONE_FRAME_IN = 5
 
 

@@ -74,7 +74,7 @@ def best_path(cost: np.ndarray) -> list[tuple[int, int]]:
 
 
 MISALIGNMENT_SIGMA = 2.0
-"""Frames by which the openings are smoothed for MTM, as in the code of its authors."""
+"""Sigma in frames of the Gaussian that smooths openings for MTM, as in its authors' code."""
 
 
 def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:

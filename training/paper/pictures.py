@@ -24,9 +24,13 @@ HEAD = Path("weights/shared/default_head")
 IMAGES, ANYFACE = Path("docs/images"), Path("target/release/anyface")
 EMOTIONS = ("neutral", "angry", "afraid")
 SEEDS = {"facetalk": range(5), "freetalk": range(2)}
-"""Takes of each system."""
+"""Seeds of each system. Every seed gives a take."""
 ROUNDS, NEAR_M, SAMPLES = 20, 0.005, 20
-"""Of bringing a scan onto a head; what is farther off the head has not; points of a triangle."""
+"""How a scan is aligned to a head: number of rounds, greatest distance, and points per triangle.
+
+Points of the scan that are at least `NEAR_M` metres from the head are ignored, because the head lacks
+these parts. `SAMPLES` points on each triangle represent the head's surface.
+"""
 
 
 def draw_mask(engine: Engine, audio: Path, out: Path) -> None:

@@ -16,16 +16,16 @@ FREETALK = {
     "BIWI6 (the same)": (4.44, 2.17, 30.0, 1.53, 6.87, 1.11, 0.63),
     "Multiface (the same)": (3.19, 1.92, 14.3, 1.14, 5.29, 0.46, 0.76),
 }
-"""FreeTalk's own rows."""
+"""FreeTalk's own rows in tables 2 and 3: one value for each of `COLUMNS`."""
 COMBINATIONS = {"Concat.": 0.0035, "CA": 0.0025, "CA + Concat.": 0.0023, "GCN + CA + Concat.": 0.0021}
-"""Table 5: LVE of Sparse-To-Mesh by what joins landmarks and surface."""
+"""Table 5: LVE of Sparse-To-Mesh for each way to combine landmarks and surface."""
 WHOLE = "STM, whole"
 OURS = {
     "Concat.": "without cross-attention",
     "CA + Concat.": "without the landmark graph",
     "GCN + CA + Concat.": WHOLE,
 }
-"""Row of table 5 for each of our variants. We have none with attention that joins nothing."""
+"""Our variant for each row of table 5. We have none for `CA`, attention without concatenation."""
 
 
 def printed() -> str:
@@ -43,7 +43,7 @@ def printed() -> str:
 
 
 SEED = ", seed "
-"""Separates the variant from the number of its training in the name of a row."""
+"""In the name of a row, this separates the variant from the seed of its training."""
 
 
 def by_seed(rows: dict[str, dict[str, float]], name: str) -> list[float]:

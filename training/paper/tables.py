@@ -26,7 +26,7 @@ LIPS = np.arange(48, 68)
 UPPER = np.r_[17:27, 36:48]
 LIPS_WITHIN_M, UPPER_WITHIN_M = 0.01, 0.015
 LONGEST_FRAMES = 250
-"""Longer clips are measured up to here, because DTW and DFD cost the square of the length."""
+"""At most this many frames of a clip are measured: DTW and DFD cost the square of the length."""
 MM = 1000.0
 
 Scores = dict[str, float]

@@ -26,8 +26,10 @@ FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS
 OUTPUT_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 FADE_DM = (0.6, 1.0)
-"""Up to the first distance from the nearest landmark the network has full effect; from the second on it has
-none."""
+"""Distances from the nearest landmark.
+
+Up to the first the network has full effect. From the second on it has none.
+"""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ def mirrored_name(name: str) -> str:
 
 
 SHAPE_MIRROR = np.array([CHANNELS.index(mirrored_name(name)) for name in CHANNELS])
-"""[S], number of each shape's mirror image."""
+"""For each shape, the number of its mirror image, [S]."""
 
 
 def symmetrised(motion: np.ndarray) -> np.ndarray:

@@ -23,9 +23,9 @@ from training.run import downhill
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 STILL_WEIGHT = 0.3
-"""Weight of a vertex at rest in a shape, beside one that moves."""
+"""Loss weight of a vertex that a shape leaves at rest. A vertex that moves weighs 1."""
 MOVING_DM = 0.005
-"""A vertex that truly moves more than this (0.5 mm) counts as moving."""
+"""A vertex counts as moving if its true displacement exceeds this (in dm: 0.5 mm)."""
 
 
 def skin(mesh: PreparedMesh, pick: torch.Tensor | slice = slice(None)) -> SkinGeometry:

@@ -16,9 +16,9 @@ from training.rig.shapes import mirrored_name
 
 SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 RIDGE = 0.02
-"""Ridge, as a share of the mean energy of a shape."""
+"""Strength of the ridge penalty, as a share of the mean energy of a shape."""
 LEAST = 0.02
-"""Smaller weights are left out."""
+"""Weights below this become 0, so the mixture leaves out their shapes."""
 MOVING_MM = 0.5
 
 

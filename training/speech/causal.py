@@ -73,8 +73,8 @@ class StreamConfig(Config):
     perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
     normaliser: Normaliser = field(default_factory=Normaliser)
     sooner: list[int] = field(default_factory=list)
-    """Further heads, each with its lead in frames: a head predicts the frame that many frames after the one
-    the look-ahead is for."""
+    """Lead of each further head in frames. When the main head predicts frame t, a further head predicts
+    frame t + its lead from the same sound."""
 
     def mel_ahead(self) -> int:
         """Number of mel frames after 4 t that frame t depends on."""

@@ -24,7 +24,7 @@ DEEPEST = -12.0
 SCALE = 4.0
 SHIPPED_ENCODER = shipped("compact_speech")
 UNTRAINED_CLOSURE = -20.0
-"""Bias of the closure read-out before `training.speech.train_closure` runs: lips never close."""
+"""Bias of the closure read-out until `training.speech.train_closure` runs. With it lips never close."""
 
 
 @dataclass

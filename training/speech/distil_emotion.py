@@ -24,15 +24,20 @@ from training.systems.emoface import emotion_encoder
 
 LAYERS = [3, 4, 5]
 FELT_DIRECTIONS, FELT_SHARE = 40, 2.0
-"""Number of directions in which acted clips differ from neutral ones, and how much more their error counts.
+"""Number of target directions in which acted clips differ most from their actor's neutral voice, and the loss
+weight of these directions. All other directions weigh 1.
 """
 SPEED_OCTAVES = 0.22
 SHORTEST, LONGEST, UNIT = 80, 200, 20
-"""Frames of 10 ms."""
+"""Shortest and longest part that is cut from a sound, and the step that lengths are rounded down to. All in
+frames of 10 ms.
+"""
 LARGEST = 6.0
 BATCH = 32
 JITTER = 0.03
-"""Deviation of the colour of a window, in units of the network."""
+"""Standard deviation of the random offset that each band gets throughout a window, in units of the network's
+input. It changes the colour of the sound.
+"""
 LEAST_DEVIATION = 1e-4
 
 

@@ -31,9 +31,11 @@ from training.speech.compact import ResidualBlock
 from training.speech.targets import PhoneHead
 
 MOTION = 204
-"""Columns of motion in a track; the features of a lesson follow them."""
+"""Number of motion columns in a track. The features of a lesson come after them."""
 LARGEST = 6.0
-"""Whisper's inner layers have a few channels of enormous size, so features are cut at so many deviations."""
+"""Features are clipped at this many standard deviations, because a few channels of Whisper's inner layers
+have enormous values.
+"""
 
 
 @dataclass

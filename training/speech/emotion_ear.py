@@ -30,24 +30,25 @@ from training.systems.emoface.emotion_encoder import (
 )
 
 INPUTS = BANDS + 2
-"""Log-mel under the loud level, pitch, and how periodic the sound is."""
+"""Input channels of a frame: log-mel relative to the loud level, pitch, and how periodic the sound is."""
 DEEPEST, SCALE = -12.0, 4.0
 MIDDLE_OCTAVE = 7.5
 LEAST_WEIGHT = 0.01
-"""Value for a frame that is not active."""
+"""Added to the weight of every frame, so that inactive frames (weight 0) still count a little."""
 LEAST_SPREAD = 1e-5
 STRIDE = 4
 LARGEST = 6.0
-"""Numbers are cut at so many deviations."""
+"""The layer's inputs are clipped at this many standard deviations."""
 EVERY = 2
-"""Over time every second instant is heard: 320 ms."""
+"""Over time the ear uses only every second instant, one each 320 ms."""
 LEAST_VOICED, FULLY_VOICED = 0.1, 0.3
-"""A window begins to count at the first share of pitched frames and counts in full at the second."""
+"""Share of pitched frames up to which a window weighs 0, and share from which it counts in full."""
 QUIET, SILENT_NEPERS = 2.0, 3.5
-"""Nepers of power under the loudest window: from the first on a window counts less, from the second on not at
-all."""
+"""Nepers of power under the loudest window. A window beyond the first loses weight. Beyond the second it has
+none.
+"""
 HALF_BELIEVED = 12.0
-"""With so many windows of voice a speaker's own neutral voice gets half of the weight."""
+"""Total weight of a speaker's neutral windows at which `neutral_offset` reaches half of its full size."""
 
 
 @dataclass
@@ -99,7 +100,7 @@ class EmotionEarNet(nn.Module):
 
 
 ARRAYS = ("mean", "scale", "weight", "bias", "readers")
-"""What an ear has beside its network."""
+"""Names of the arrays that an ear stores beside its network."""
 
 
 @dataclass

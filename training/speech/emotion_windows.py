@@ -28,24 +28,28 @@ from training.flags import run_command
 from training.speech.log_mel import SAMPLE_RATE_HZ
 
 SAMPLES, LEAST = 2 * SAMPLE_RATE_HZ, 12800
-"""Length of a window, and of the shortest sound that is used."""
+"""Length of a window (2 s), and of the shortest sound that is used (0.8 s), in samples."""
 PEAK = 0.9
 READERS = {"kathleen_en": 400, "kerstin_de": 300, "nathalie_nl": 200, "picovoice_en": 619}
-"""How many recordings each source gives, evenly drawn; every second one is held out.
+"""Most recordings that each source contributes, evenly spaced. Every second one is held out.
 
-Some of the others also give their beginning and their end, where nobody speaks.
+Some of those that are not held out also contribute their beginning and end, where nobody speaks.
 """
 UNHEARD = ("nathalie_nl", "librivox")
-"""Sources that are wholly held out."""
+"""Sources of which every recording is held out."""
 TAUGHT_LANGUAGES = ("en", "es", "fr", "hi", "it", "pt", "de", "nl")
-"""Languages of espeak-ng in training; the others are held out."""
+"""Languages of espeak-ng that are trained on. All others are held out."""
 VOICES = (("", 50), ("+f2", 55), ("+m3", 40), ("+f4", 60))
-"""Variants and pitches of espeak-ng."""
+"""Voices of espeak-ng that speak every sentence: voice variant and pitch (option `-p`)."""
 KOKORO_LANGUAGES = {
     "a": "en-us", "b": "en", "e": "es", "f": "fr-fr", "h": "hi", "i": "it", "p": "pt-br", "j": "es",
     "z": "it",
 }  # fmt: skip
-"""What the voices of Kokoro say; Japanese and Mandarin ones say what espeak-ng can spell for them."""
+"""Language that each Kokoro voice speaks, by the first letter of its name.
+
+Japanese and Mandarin voices speak Spanish and Italian, because they take other phonemes than espeak-ng's
+for their own languages.
+"""
 TURNS, LETTERS = 4, 60
 SENTENCES = {
     "en-us": [

@@ -17,7 +17,7 @@ from training.speech import whisper
 
 SAMPLE_HZ = 16000
 FPS = 25.0
-"""Frame rate of clips in training, unless a trainer sets another."""
+"""Frame rate of training clips, unless a trainer sets another."""
 MODELS = ("hubert", "wav2vec2")
 WHISPER = "whisper"
 

@@ -17,15 +17,17 @@ GROUPS = (
     "sch", "tch", "igh", "sh", "ch", "th", "ng", "ph", "ck", "gh", "ee", "oo", "ou", "ea", "ie", "ei", "eu",
     "au", "ui", "ij", "oe", "ai", "ow", "qu", "aa",
 )  # fmt: skip
-"""Letters that are one sound together, the longest first."""
+"""Groups of letters that together spell one sound, the longest first."""
 
 ANY = "*"
-"""A letter of unknown sound."""
+"""Stands for a letter whose sound is unknown."""
 
 UNITS = (*"abcdefghijklmnopqrstuvwxyz", *GROUPS, ANY)
 VOWEL_UNITS = {u for u in UNITS if u[0] in "aeiouy"}
 MAY_BE_WORDS = [index for index, unit in enumerate(UNITS) if len(unit) > 1 or unit[0] in "aeiouy*"]
-"""Single letters except these are spoken by their names, which have a vowel before or after."""
+"""Indices of units that can be a word on their own. Any other letter that stands alone is spoken by its name,
+which has a vowel before or after it.
+"""
 
 SPECIAL = {
     "ß": "ss", "ä": "e", "ö": "oe", "ø": "oe", "œ": "oe", "æ": "e", "ł": "w", "ı": "i", "ð": "th", "þ": "th",
@@ -41,22 +43,22 @@ RULES = {
     "ei": "aɪeɛ", "eu": "ɔøɪ", "au": "aʊɔ", "ui": "øyuɪ", "ij": "ɛɪ", "oe": "uøo", "ai": "aɪeɛ", "ow": "oʊa",
     "qu": "kw", "aa": "aɑ",
 }  # fmt: skip
-"""Classes that a unit may stand for, in the languages of Europe together."""
+"""Phone classes that each unit can stand for in any language of Europe."""
 
 LEAST_ROWS = 3
-"""States in a row of a letter that is heard: it lasts at least that many rows."""
+"""Number of successive states of a unit. A letter lasts this many rows or more, unless a path skips some."""
 
 LONGEST_SKIP = 2 * LEAST_ROWS + 1
-"""Most states in a row that a path may skip: two letters and a pause."""
+"""Most successive states that a path may skip: two letters and a pause."""
 
 NEVER = 1e9
-"""Cost in nepers of skipping what must be heard."""
+"""Cost in nepers of skipping a unit that must be heard."""
 
 SILENT_COST = 5.0
-"""Cost in nepers of a silent letter."""
+"""Cost in nepers of skipping a letter, which is then silent."""
 
 NAME_COST = 1.0
-"""Cost in nepers of a missing vowel in the name of a letter."""
+"""Cost in nepers of skipping a vowel in the name of a letter."""
 
 
 @dataclass

@@ -44,16 +44,20 @@ from training.speech.train_emotion_ear import Rows, fitted, heard_row
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
 
 SECONDS = (0.0, 2.0, 10.0, 20.0)
-"""Seconds of a neutral voice; 0 is none."""
+"""Lengths of neutral voice to compare, in seconds. 0 means none."""
 DRAWS = 4
-"""How many times neutral recordings are drawn for each judged one."""
+"""Number of random draws of neutral recordings for each judged recording."""
 BEFORE, BEFORE_NEUTRAL = 0.3, 3.0
 AROUND, WHOLE_SHARE = 3, 0.5
 FLOOR, FULL = 0.7, 0.95
 SHOWN = 0.1
-"""As in `rust-core/src/speech/emotion_ear.rs` and `shown_emotion.rs`."""
+"""An emotion counts as shown above this intensity.
+
+`BEFORE` to `WHOLE_SHARE` are the constants of `rust-core/src/speech/emotion_ear/layer.rs`; `FLOOR` and `FULL`
+are those of `rust-core/src/speech/shown_emotion.rs`.
+"""
 READERS = {"grid_s1": ("motion/grid_s1/audio", 22), "nathalie_nl": ("speech/nathalie_nl", 28)}
-"""Folders, and the step at which their recordings are used."""
+"""Folder of each reader, and n: every n-th recording in it is used."""
 SLOWER = {"as they are": (1, 1), "a major third lower": (5, 4), "a fourth lower": (4, 3)}
 LONGEST_S = 5
 JOY, ANGER = HEARD_EMOTIONS.index("happy"), HEARD_EMOTIONS.index("angry")

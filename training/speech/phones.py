@@ -14,7 +14,7 @@ from training.corpus.phones import PAUSE, SEGMENTS
 from training.nn.config import Config
 
 PARTS = 4
-"""Rows of posteriors to a frame of the encoder."""
+"""Number of rows of posteriors for each frame of the encoder."""
 
 CLASSES = {
     PAUSE: PAUSE,
@@ -60,13 +60,13 @@ CLASSES = {
     "ʁ": "ʁʀɣʕ",
     "h": "hɦ",
 }
-"""The sign of each class, and the segments that it stands for."""
+"""The sign of each phone class, and the segments that belong to the class."""
 
 COARSE = (
     "_", "iɪjy", "uʊw", "eɛ", "øəɝʌ", "oɔ", "aɑæ", "pb", "m", "fv", "td", "n", "θðsz", "ʃʒ", "l", "rɹʁ",
     "kɡxh", "ŋ",
 )  # fmt: skip
-"""A smaller set: what stands together is one class."""
+"""A smaller set of classes. Each text lists the signs of the classes that it merges into one."""
 
 
 def class_of_segment() -> Tensor:

@@ -29,12 +29,15 @@ from training.speech.compact import ACTIVE_QUANTILE, ACTIVE_RANGE
 LEAST_FRAMES = 10
 ROUNDING = 1e-4
 CLOSED_M = 0.5e-3
-"""Up to this opening over that of the neutral face lips count as closed."""
+"""Lips count as closed up to this opening in metres, relative to the neutral face."""
 AROUND_S, FAR_S, EDGE_S = 0.04, 0.12, 0.1
-"""Greatest distance of a closure from p, b or m; least distance of a false one from them, and from a pause.
+"""Distances in seconds. Lips meet a p, b or m if they are closed during it or up to the first distance away.
+
+A closure is false only if no part of it is within the second distance of a phone of `NARROW`, or within the
+third of a pause.
 """
 NARROW = "pbmɸβʙ"
-"""Phones at which a closure is not false. Lips also come near in the last three."""
+"""A closure near one of these phones is not false. Lips also come close in the last three."""
 
 
 def loudness(mel: Tensor) -> Tensor:

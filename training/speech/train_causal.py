@@ -33,7 +33,7 @@ from training.systems.freetalk.train_stream import prior_of
 
 SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")
 EDGE = 12
-"""Frames at either end of a window for which the whole encoder lacks context."""
+"""Number of frames that the loss skips at the start of a window, where the whole encoder lacks context."""
 CLOSURE = 0.1
 
 

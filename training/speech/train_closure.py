@@ -25,7 +25,7 @@ from training.speech.ear import add_arguments, speech_without_a_face
 from training.speech.targets import windows_of
 
 EARLY_MEL_FRAMES = 3
-"""Lips meet 30 ms before the sound of p, b and m begins."""
+"""Lips already meet this many mel frames (30 ms) before the sound of p, b and m begins."""
 POSITIVE_WEIGHT = 3.0
 FRAMES = 96
 SHARES = {"grid_s1": 0.25, "taught": 0.75}

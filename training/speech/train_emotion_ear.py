@@ -34,11 +34,13 @@ from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voi
 from training.systems.emoface.train_emotion_encoder import scores
 
 STRENGTH = 0.1
-"""Weight of the data beside the penalty on the weights."""
+"""Factor on the loss of the data, beside the penalty 0.5 |W|² on the layer's weights."""
 WEARERS, OWN_SHARE = 4, 0.5
-"""Readers whose voice each acted clip is moved to, and the weight of the clip as it is."""
+"""Number of copies of each acted clip, each moved to another speaker's neutral voice, and the share of the
+clip's weight that the original keeps. The copies divide the rest.
+"""
 ONE_VOICE = ("kathleen_en", "kerstin_de", "grid_s1", "kokoro")
-"""Sources that say who speaks. In the others every window counts as another speaker."""
+"""Sources whose speakers are known. In the others every window counts as another speaker."""
 TOWARDS_MEAN = 0.7
 READER_SHARE = 0.3
 LEAST_DEVIATION = 1e-4

@@ -39,16 +39,16 @@ from training.systems.emoface.emotion_encoder import (
 )
 
 EXACT = ("mean", "scale", "bias", "readers", "first_bias")
-"""Arrays that are kept in f32; `weight` is the layer itself."""
+"""Arrays that are stored in f32. Only `weight`, the layer's matrix, is stored in fewer bits."""
 READINGS = (
     ("motion/grid_s1/audio", 25, 40), ("speech/kathleen_en", 40, 30), ("speech/kerstin_de", 20, 30),
     ("speech/picovoice_en", 10, 60), ("speech/nathalie_nl", 30, 40), ("clips/librivox", 1, 5),
     ("clips", 1, 5),
 )  # fmt: skip
-"""Folders of recordings, which of them are heard (one in so many), and how many at most."""
+"""Folders of recordings, n (every n-th recording is measured), and the largest number of recordings."""
 LONGEST_S = 6
 FRAMES = 2
-"""Length of a feature of Whisper, in frames of 10 ms."""
+"""Number of 10 ms frames that one feature of Whisper covers."""
 LEAST_FEATURES = 2
 
 

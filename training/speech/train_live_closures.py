@@ -40,14 +40,16 @@ from training.speech.train_causal import EDGE, prepare, whole
 from training.systems.freetalk.train_stream import prior_of
 
 CLOSED, SURE = 0.35, 0.2
-"""Probabilities at which lips touch and at which they begin to move (`closure_share` of the library)."""
+"""Probabilities of a closure at which lips touch and at which they begin to close (see `closure_share` in
+`rust-core/src/speech/closures.rs`).
+"""
 POSITIVE_WEIGHT = 4.0
-"""Weight of closed frames: a closure lasts a frame or two of twenty."""
+"""Extra loss weight of closed frames, because they are rare: a closure lasts a frame or two of twenty."""
 OFFSET = 1.0
 """Subtracted from the logit after training, because the weight of closed frames raises it by up to ln 5.
 
-With it lips shut as often as the full model's, 27 and 26 % of the frames of three voices. Without it the
-mouth hardly opened.
+With this offset lips shut about as often as with the full model: in 27 and 26 % of the frames of three
+voices. Without it the mouth hardly opened.
 """
 CALIBRATION_CLIPS = 200
 

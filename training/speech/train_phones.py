@@ -29,7 +29,7 @@ from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, cl
 FRAMES = 64
 FEATURE_NOISE = 0.1
 SHARES = {"nathalie_nl": 0.2, "emodb_de": 0.1, "kathleen_en": 0.25, "kerstin_de": 0.15, "kokoro": 0.15}
-"""Share of each batch where these sources are at hand; espeak-ng gets the rest."""
+"""Share of each batch for these sources, if they are at hand. espeak-ng gets the rest."""
 NEVER = ("grid_s1", "librivox_en")
 TEXTS = {"kathleen_en": "en-us", "kerstin_de": "de"}
 PRIOR_POWER = 0.8

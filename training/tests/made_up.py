@@ -62,7 +62,7 @@ def made_up(path: Path, seconds: float = 6.0, kind: str = "landmarks") -> Path:
 FELT = {"happy": (1.0, -0.9, {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0, "browInnerUp": 1.0}),
         "angry": (1.3, 0.9, {"mouthFrownLeft": 1.0, "mouthFrownRight": 1.0,
                              "browDownLeft": 1.0, "browDownRight": 1.0})}  # fmt: skip
-"""Of two emotions: how much slower they speak, how dull the voice is (−1 to 1), and what the face shows."""
+"""For each emotion: factor on the duration of speech, dullness of the voice (−1 to 1), face weights."""
 
 
 def felt_pairs(path: Path, sentences: int = 4, seconds: float = 2.4, intensity: float = 1.0) -> Path:

@@ -31,7 +31,9 @@ REFERENCE = {
     "δM": 12.325947934586463,
     "δCd": 1.01146473750219,
 }
-"""By torchmetrics, similaritymeasures and numpy, on the arrays of tests/goldens/metrics.safetensors."""
+"""Scores that torchmetrics, similaritymeasures and numpy give for the arrays of
+tests/goldens/metrics.safetensors.
+"""
 
 
 def test_metrics_are_those_of_other_libraries():

@@ -143,4 +143,4 @@ CTRANSLATE2 = [
     [-0.1228, -0.2779, 0.1954, 0.9242],
     [-0.2246, 0.5254, 1.1761, -0.1614],
 ]
-"""Features 0, 137, 274 … of jfk.wav, first four channels, by ctranslate2 4.8.5 in float32."""
+"""Features 0, 137, 274 … of jfk.wav, first four channels, as ctranslate2 4.8.5 computes them in float32."""

@@ -17,7 +17,7 @@ from training.corpus.conditions import UNITS
 from training.text.sentences import Clause
 
 AT_ONCE = 256
-"""Number of texts encoded together."""
+"""Number of texts that are encoded in one batch."""
 
 
 class OnClip:

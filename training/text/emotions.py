@@ -17,4 +17,4 @@ SYNONYMS = {
     "ill": ["ill", "sick", "unwell", "ailing"],
     "drunk": ["drunk", "intoxicated", "tipsy", "inebriated"],
 }
-"""The first word is the emotion's own. "shocked" and "relieved" are left out, as unseen words to test on."""
+"""Words for each emotion, its own name first. "shocked" and "relieved" are left out as unseen test words."""

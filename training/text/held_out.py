@@ -8,7 +8,9 @@ TABLE_13 = {
     "A person closes his eyes": "45",
     "A not happy person": "4 15",
 }
-"""Cafe-Talk's table 13. Its words are in the training pairs; the sentences are not held out."""
+"""Sentences of Cafe-Talk's table 13 and their units. They are not held out: the training pairs contain their
+words.
+"""
 
 HELD_OUT = {
     "12": "grin, a person is grinning, a man grins",
@@ -42,4 +44,4 @@ HELD_OUT = {
         "engine starts, vector graphics"
     ),
 }
-"""Texts by their units, written before anything was measured on them."""
+"""Held-out texts by their units. They were written before anything was measured on them."""

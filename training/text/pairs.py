@@ -80,7 +80,7 @@ EMOTIONS = {
         "anguish, torment"
     ),
 }
-"""Emotions and states of mind."""
+"""Words for emotions and states of mind, by the units that show them."""
 
 EXPRESSIONS = {
     "12": (
@@ -177,12 +177,12 @@ EXPRESSIONS = {
         "bites the lips, tight-lipped, lips together, presses lips together, hides the lips, lip bite"
     ),
 }
-"""What a face does, by everyday names, names of units and lay names of what moves."""
+"""Texts for facial movements, by their units: everyday names, names of units and lay descriptions."""
 
 OPPOSITES = {"6 12": "4 15", "6:0.4 12:0.5": "4 15", "1 4 15": "12:0.5", "4 15": "12:0.5",
              "1 4 15:0.5": "12:0.5", "4 5 7": "12:0.3",
              "1 2": "45:0.5", "12:0.3 45:0.3": "4 7", "45:0.5": "5:0.5"}  # fmt: skip
-"""Units that "not …" shows, by the units of the emotion that is denied; none for all others."""
+"""Units that "not …" shows, by the units of the denied text. Denying any other text shows no units."""
 
 NOTHING = (
     "neutral, the blue car, blue paint, blue, expressionless, impassive, indifferent, blank, poker, "
@@ -199,12 +199,12 @@ NOTHING = (
     "こんにちは, asdf qwer, lorem ipsum dolor, xyzzy, hmm, the, camera light, "
     "the man reads a book, an old coat"
 )
-"""Texts that ask for nothing in a face."""
+"""Texts that do not describe any movement of a face."""
 
 TEMPLATES = ("a {} person", "a person looks {}", "a person seems {}", "a man acts like {}",
              "a woman acts like {}", "a person is {}", "a person behaves {}", "a person is talking with {}",
              "{}", "she {}", "he is {}", "with a {} face", "looking {}")  # fmt: skip
-"""The eight templates of Cafe-Talk's table 12, then plain ones. None of their own words means anything."""
+"""The eight templates of Cafe-Talk's table 12, then plain ones. Their own words carry no meaning."""
 
 MENU = (
     "smile, laugh, smirk, sarcastic laugh, cry, frown, sneer, wink, blink, surprised blink, yawn, "
@@ -212,4 +212,4 @@ MENU = (
     "contempt, suspicious, ashamed, sleepy, raised eyebrows, furrowed brow, closed eyes, open mouth, "
     "wrinkled nose, pressed lips"
 )
-"""Suggestions where no word was understood: the nearest of these."""
+"""Expressions to suggest for a text that yields no units. The nearest one is suggested."""

@@ -30,7 +30,7 @@ NGRAMS = (3, 4, 5)
 RANDOM_WIDTH = 2048
 NODES = 40000
 STEPS = (0.4, 1.0, 1.0, 1.0, 1.0, 0.8, 0.6, 0.4)
-"""Weight of each step of the walk."""
+"""Weight of each step of the walk in the sum of normalised vectors."""
 TIES = {"&": 0.7, "@": 0.5, "~": 0.2, "+": 0.8, "^": 0.4, "=": 0.3, "*": 0.3, ">": 0.3}
 TIES |= {"$": 0.5, "\\": 0.6, "<": 0.6}
 ANTONYM = -1.5

@@ -21,10 +21,10 @@ from training.text.sentences import Clause
 from training.text.words import Words
 
 NO_WORD = 0.1
-"""Weight of the origin in a clause's mean, so that unknown words leave the features near 0."""
+"""Weight of the origin in a clause's mean. It keeps the features of unknown words near 0."""
 
 FULL = 1.5
-"""Strength at a logit far above 0."""
+"""Strength of a unit whose strength logit is far above 0, where the sigmoid is 1."""
 
 
 @dataclass

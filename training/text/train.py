@@ -33,14 +33,14 @@ from training.text.words import Words
 
 LETTERS = list("aeiouaeiouenrstldnrstbcdfghjklmnpqrstvwxyzäöüéñøß")
 FAR = 0.4
-"""Below this cosine a word says nothing about a face."""
+"""A word says nothing about a face if its cosine to every word of the pairs is below this."""
 TEMPERATURE = 0.1
 NAMES = ("raises the inner brows", "raises the outer brows", "lowers the brows", "raises the upper lids",
          "raises the cheeks", "tightens the lids", "wrinkles the nose", "raises the upper lip",
          "lip corners up", "dimples", "lip corners down", "raises the chin", "stretches the lips",
          "drops the jaw", "sucks the lips in",
          "closes the eyes")  # fmt: skip
-"""Text of each of `UNITS`, with which a description is aligned."""
+"""Text for each of `UNITS`. InfoNCE pulls a description towards the texts of its own units."""
 
 
 Hearing = OnWords | OnClip

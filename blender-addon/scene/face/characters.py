@@ -14,11 +14,11 @@ from . import made_head, sample_head
 
 BROWS, NOSE_TIP, EYES = slice(17, 27), 30, (slice(36, 42), slice(42, 48))
 MOUTH = slice(48, 68)
-"""Of the 68 landmarks."""
+"""The mouth's landmarks among the 68."""
 EDGE_M = 0.03
-"""Hair is flat on the skin at its border and reaches its full thickness this far from it."""
+"""Hair lies flat at its border and reaches its full thickness this many metres from it."""
 SUNK_M = 0.0015
-"""The border of the hair lies this far under the skin, which hides it."""
+"""The border of the hair lies this many metres under the skin, so that nobody sees it."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Character:
     hair_m: float
     hairline: float
     nape: float
-    """Where hair ends behind the ears: 0 at the eyes, 1 at the mouth."""
+    """Height at which hair ends behind the ears: 0 at the eyes, 1 at the mouth."""
     eye_scale: float = 1.0
     freckles: float = 0.0
     bun_m: float = 0.0
-    """How much thicker hair is at the back of the crown."""
+    """Extra thickness of the hair at the back of the crown, in metres."""
 
 
 CHARACTERS = {

@@ -39,7 +39,7 @@ CLICKS = (
     (54, "the corner of the mouth on the right of the picture"),
 )
 DOUBTFUL = 0.4
-"""Mean confidence of a region's landmarks below which an artist should look at them."""
+"""An artist should check a region if the mean confidence of its landmarks is below this."""
 
 
 @dataclass

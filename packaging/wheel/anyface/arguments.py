@@ -1,4 +1,4 @@
-"""The arguments of callers as what the library takes, and in words what does not fit."""
+"""Converts callers' arguments to the library's types, and says in words which do not fit."""
 
 import os
 import warnings
@@ -17,14 +17,14 @@ Path = str | os.PathLike[str]
 MeshLike = Path | tuple[ArrayLike, ArrayLike | Sequence[Sequence[int]]]
 """A file (OBJ, PLY, GLB), or vertices `[V, 3]` and faces: `[F, 3]`, `[F, 4]`, or lists of any length."""
 SoundLike = Path | tuple[ArrayLike, float]
-"""A file, or samples `[S]` or `[S, C]` with their rate in Hz; floats in -1 to 1, or whole numbers."""
+"""A file, or samples `[S]` or `[S, C]` and their rate in Hz: floats from -1 to 1, or integers."""
 EmotionLike = str | Sequence[tuple[float, str]]
-"""`happy:0.7`, a mixture, `auto`, `auto-arousal`, `off`, or what holds at which second."""
+"""`happy:0.7`, a mixture, `auto`, `auto-arousal`, `off`, or a list of `(second, emotion)`."""
 ControlLike = float | str | tuple[ArrayLike, ArrayLike]
-"""A number, the name of a choice, or seconds `[N]` and the values `[N]` there, linear in between."""
+"""A number, the name of a choice, or keys: seconds `[N]` and values `[N]`, linear in between."""
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
-# More columns than this are no channels but samples that lie the other way round.
+# With more columns than this the array is transposed: its columns are samples, not channels.
 _MOST_CHANNELS = 32
 
 
@@ -61,7 +61,7 @@ def sound_of(sound: SoundLike, engine: Engine) -> Sound:
 
 
 def landmarks_of(landmarks: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Positions `[68, 3]` and vertex numbers `[68]` of landmarks; at most one of them is there."""
+    """Positions `[68, 3]` and vertex numbers `[68]` of landmarks. At least one of them is None."""
     if landmarks is None:
         return None, None
     array = np.asarray(landmarks)
@@ -82,7 +82,7 @@ def request_of(
     events: Sequence[str],
     neutral_voice: SoundLike | None = None,
 ) -> Request:
-    """How the face is asked to speak; the clip stays in the library until all of it is read."""
+    """Builds the request for a performance. The library keeps the clip until all of it is read."""
     request = Request(float(fps), seed=seed, style=style, keeps_clip=True)
     if events:
         request.events = Reader(engine.models).events_of_lines("\n".join(events))
@@ -118,7 +118,7 @@ def _set(request: Request, control: systems.Control, value: ControlLike) -> None
 
 
 def _full_scale(samples: np.ndarray) -> NDArray[np.float32]:
-    """Whole numbers as wave files hold them, as floats within -1 to 1."""
+    """Converts integer samples, as wave files hold them, to floats from -1 to 1."""
     if samples.dtype.kind == "i":
         return (samples / -float(np.iinfo(samples.dtype).min)).astype(np.float32)
     if samples.dtype == np.uint8:

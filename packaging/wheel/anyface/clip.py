@@ -1,4 +1,4 @@
-"""What comes back: a mesh that speaks, frame by frame."""
+"""The result of `animate`: a mesh that speaks, frame by frame."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ Floats = NDArray[np.float32]
 class Weights:
     """The same motion as weights of the 52 ARKit shapes.
 
-    `names` `[52]`, `values` `[T, 52]` from 0 to 1; `left_out` is the share of the motion that they do
-    not show, 0 to 1.
+    `names` are `[52]`, `values` `[T, 52]` from 0 to 1. `left_out`, 0 to 1, is the share of the
+    motion that the weights do not show.
     """
 
     names: tuple[str, ...]
@@ -28,16 +28,20 @@ class Weights:
 class Clip:
     """A performance of `T` frames on a mesh, in its own units, axes and vertex order.
 
-    `rest` `[V, 3]` and `triangles` `[F, 3]` are the mesh; `displacements` `[T, V, 3]` are added to
+    `rest` `[V, 3]` and `triangles` `[F, 3]` are the mesh. `displacements` `[T, V, 3]` are added to
     `rest`. `landmarks` `[68, 3]` lie on the mesh at rest, in the order of iBUG 300-W, and move by
-    `landmark_displacements` `[T, 68, 3]`. `head` `[T, 3]` are rotation vectors in radians about +x to
-    the subject's left, +y up and +z out of the face, `gaze` `[T, 2, 2]` yaw to the subject's left and
-    pitch up of the right and the left eye, in radians; the displacements hold neither. `tongue` `[T, 4]`
-    are shares of the way to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to
-    the palate, tip at the upper teeth; the displacements hold it where the mesh has a tongue. `largest_mm`
-    is the largest displacement on a head of human size; `speaks` is False where nobody would see the
-    lips move, as for a sound without speech. `weights` are there where they were asked for,
-    `heard_emotion` where the motion depends on the emotion of the voice.
+    `landmark_displacements` `[T, 68, 3]`.
+
+    `head` `[T, 3]` are rotation vectors in radians about +x to the subject's left, +y up and +z out
+    of the face. `gaze` `[T, 2, 2]` holds yaw to the subject's left and pitch up, in radians, of the
+    right and the left eye. The displacements include neither head nor gaze. `tongue` `[T, 4]` says
+    how far the tongue is on its way to contact, 0 to 1: tip to the ridge behind the upper teeth,
+    middle to the palate, back to the palate, tip to the upper teeth. The displacements include the
+    tongue if the mesh has one.
+
+    `largest_mm` is the largest displacement, scaled to a head of human size. `speaks` is False if
+    nobody would see the lips move, as for a sound without speech. `weights` are present if the
+    caller asked for them, `heard_emotion` if the motion depends on the emotion of the voice.
 
     It is a sequence of its frames: `clip[t]` is `[V, 3]`, the positions of all vertices.
     """
@@ -58,7 +62,7 @@ class Clip:
 
     @property
     def vertices(self) -> Floats:
-        """Positions `[T, V, 3]` of all vertices in all frames, made anew at each use."""
+        """Positions `[T, V, 3]` of all vertices in all frames, computed anew at each access."""
         return self.rest + self.displacements
 
     @property

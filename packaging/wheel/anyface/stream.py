@@ -1,4 +1,4 @@
-"""A face while somebody is speaking."""
+"""Animates a face while somebody is speaking."""
 
 from .core.emotion import parse
 from .core.native import Engine
@@ -16,11 +16,11 @@ class Stream(WeightStream):
                     ...                             # frame.shapes[52], frame.visemes[15], frame.head[3]
                 time.sleep(0.01)
 
-    Speech moves the face; under music and noise it rests, unless `any_sound` is to move it. A frame
-    waits for the `look_ahead` of sound after it, in seconds: FreeTalk can do with 0.19, 0.07 and 0, less
-    surely the less it is.
-    It belongs to one thread at a time. Raises `AnyfaceError` for an engine whose system needs the
-    whole sound.
+    Speech moves the face. Under music and noise it rests, unless `any_sound` is set. A frame waits
+    until `look_ahead` seconds of sound after it have arrived. FreeTalk supports 0.19, 0.07 and 0 s;
+    the shorter, the less accurate the motion.
+    Use a stream from one thread at a time. Raises `AnyfaceError` for an engine whose system needs
+    the whole sound.
     """
 
     def __init__(
@@ -40,8 +40,10 @@ class Stream(WeightStream):
 
     @property
     def emotion(self) -> str:
-        """What the face feels; set it at any time, as `happy:0.5,surprised:0.2`, or `auto` for what the
-        voice says."""
+        """The emotion of the face, such as `happy:0.5,surprised:0.2`. Set it at any time.
+
+        `auto` shows the emotion heard in the voice.
+        """
         return self._emotion
 
     @emotion.setter

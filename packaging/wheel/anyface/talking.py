@@ -1,4 +1,4 @@
-"""The calls: a mesh and a sound in, what moves out."""
+"""The calls that animate a mesh, find its landmarks and make its rig."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -27,11 +27,11 @@ from .core.native import Engine
 from .core.take import Animation, Found, Rig
 
 Progress = Callable[[str, float], object]
-"""Is told the stage of the work and its done share, 0 to 1, some times a second."""
+"""Called several times a second with the stage of the work and its done share, 0 to 1."""
 Cancel = Callable[[], bool]
-"""Is asked some times a second; where it says True the call raises `Cancelled`."""
+"""Called several times a second. If it returns True, the call raises `Cancelled`."""
 Made = TypeVar("Made")
-# How often a caller hears of the work, in seconds.
+# Seconds between two calls of `progress` and `cancel`.
 _PERIOD_S = 0.05
 
 
@@ -58,14 +58,16 @@ def animate(
     """Makes a mesh say what a sound says.
 
     `mesh` is a file or `(vertices, faces)` in any units, `sound` a file or `(samples, rate_hz)`. The
-    68 landmarks are found, or given as `[68, 3]` positions or `[68]` vertex numbers. `forward` and
-    `up` say how the head stands; it is found however it is turned, but they decide where several places
-    look like a face. `controls` are those of `systems()`, `events` such as `1.2-2.0:left wink:0.8` for
-    systems that show them. In `neutral_voice` the same person speaks neutrally, ten seconds or more:
-    an emotion that is heard is what differs from it. With `weights` the motion is
-    solved into ARKit weights too. `out` is a file that also receives the take on the mesh's ARKit
-    shapes: .glb, .usda, or .vrma, which moves any VRM avatar. `engine` brings other models than the
-    built-in ones.
+    68 landmarks are found automatically unless you give them as positions `[68, 3]` or vertex
+    numbers `[68]`. `forward` and `up` say how the head is oriented. A head in any other orientation
+    is found too, but these axes decide if several places look like a face.
+
+    `controls` are those that `systems()` lists. `events` are texts such as `1.2-2.0:left wink:0.8`,
+    for systems that show them. `neutral_voice` is a recording of ten seconds or more in which the
+    same person speaks neutrally: the emotion is then heard in how the voice differs from it. With
+    `weights` the motion is also solved into ARKit weights. `out` is a file that also receives the
+    take on the mesh's ARKit shapes: .glb, .usda, or .vrma, which moves any VRM avatar. Pass an
+    `engine` to use other models than the built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
@@ -96,10 +98,10 @@ def find_landmarks(
     progress: Progress | None = None,
     cancel: Cancel | None = None,
 ) -> Found:
-    """Where the face of a mesh is, how its lips meet and what its parts are.
+    """Finds where the face of a mesh is, how its lips meet and what its parts are.
 
-    `fixed` are landmarks `[3]` by number, 0 to 67, that stay where they are while the others follow.
-    The rest as for `animate`.
+    `fixed` maps landmark numbers, 0 to 67, to positions `[3]`. These landmarks stay there, and the
+    others follow. The other arguments are those of `animate`.
     """
     oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
     fixed_points = {number: np.asarray(place, np.float32) for number, place in (fixed or {}).items()}
@@ -121,10 +123,11 @@ def make_rig(
     progress: Progress | None = None,
     cancel: Cancel | None = None,
 ) -> Rig:
-    """The 52 ARKit shapes and the 15 Oculus visemes of a mesh as `vectors` `[67, V, 3]`, by `names`.
+    """Makes a mesh's 52 ARKit shapes and 15 Oculus visemes: `vectors` `[67, V, 3]` and `names`.
 
-    `out` is a file that also receives them: .npz, or .vrm, an avatar with VRM's expressions and those of
-    Perfect Sync, which keeps all else that the file `mesh` has. Other arguments are those of `animate`.
+    `out` is a file that also receives them, .npz or .vrm. The .vrm is an avatar with the
+    expressions of VRM and of Perfect Sync. It keeps everything else that the file `mesh` has. The
+    other arguments are those of `animate`.
     """
     oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
     source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""
@@ -147,7 +150,7 @@ def _facing(engine: Engine | None, forward: str, up: str) -> Engine:
 
 
 def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None) -> Made:
-    """Runs `work` in a thread and tells the caller; what a caller raises ends the work, too."""
+    """Runs `work` in a thread. If `progress` or `cancel` raises, the work stops too."""
     job = Job(work).start()
     try:
         while not job.wait(_PERIOD_S):
@@ -156,7 +159,7 @@ def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cance
             if cancel is not None and cancel():
                 job.cancel()
     except BaseException:
-        # Ctrl-C, too: the library must not go on behind a notebook that was stopped.
+        # Ctrl-C comes here too: the library must not go on after a notebook was stopped.
         job.cancel(wait_s=None)
         raise
     return job.result()

@@ -1,5 +1,7 @@
-"""The least VRM 1.0 avatar that has a face: bones, a ball for a head, and a mouth and two eyes that
-VRM's expressions move."""
+"""A minimal VRM 1.0 avatar with a face.
+
+It has bones, a ball for a head, and a mouth and two eyes that VRM's expressions move.
+"""
 
 import json
 import struct
@@ -24,7 +26,7 @@ _BONES = {
         )
     },
 }
-# Width and height of the mouth, and height of the left and right eye, metres.
+# Width and height of the mouth, and height of the left and the right eye, all in metres.
 _REST = (0.05, 0.004, 0.02, 0.02)
 _EXPRESSIONS = {
     "aa": (0.05, 0.05, 0.02, 0.02),
@@ -76,7 +78,7 @@ class _Glb:
         self.bytes, self.views, self.accessors = b"", [], []
 
     def add(self, array: np.ndarray) -> int:
-        """Number of the accessor of points `[V, 3]` or triangles `[T, 3]`."""
+        """Adds points `[V, 3]` or triangles `[T, 3]`; returns the number of their accessor."""
         is_points = array.dtype == "<f4"
         self.views.append({"buffer": 0, "byteOffset": len(self.bytes), "byteLength": array.nbytes})
         self.bytes += array.tobytes() + b"\0" * (-array.nbytes % 4)

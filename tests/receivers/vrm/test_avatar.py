@@ -1,7 +1,7 @@
-"""The page docs/examples/three-vrm.html in a browser: a VRM avatar that speaks with `anyface live`.
+"""A VRM avatar speaks with `anyface live` on the page docs/examples/three-vrm.html in a browser.
 
-It needs chromium and npm, which fetches three and @pixiv/three-vrm into target/vrm; without them it
-is ignored. A run leaves pictures of the mouth at each sound in target/vrm.
+The test needs chromium, and npm to fetch three and @pixiv/three-vrm into target/vrm. Without them
+it is ignored. A run leaves pictures of the face at each sound and at a blink in target/vrm.
 """
 
 import functools
@@ -35,7 +35,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def place():
-    """Address of a server that has the page, the avatar and the packages."""
+    """Address of a server for the page, the avatar and the packages."""
     if shutil.which("npm") is None or not any(map(shutil.which, browser.BROWSERS)):
         pytest.skip("ignored: npm or chromium is not installed")
     FOLDER.mkdir(parents=True, exist_ok=True)

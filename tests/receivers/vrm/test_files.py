@@ -1,4 +1,4 @@
-"""Avatars and their motion that `anyface rig` and `animate` write, opened by three-vrm in node."""
+"""three-vrm in node opens the avatars and motion that `anyface rig` and `animate` write."""
 
 import json
 import struct
@@ -11,7 +11,7 @@ from conftest import FPS, HEAD, THREE, VALIDATE, VALIDATOR, animate, anyface, no
 
 PACKAGES = ("three@0.170.0", "@pixiv/three-vrm@3.5.5", "@pixiv/three-vrm-animation@3.5.5")
 SAME_M = 3e-6
-"""Shapes leave out what moves a vertex by less than 2 thousandths of a millimetre on each axis."""
+"""Tolerance in metres. Shapes leave out vertices that move less than 0.002 mm on each axis."""
 
 READ = """
 import * as THREE from 'three';
@@ -142,7 +142,7 @@ def test_every_expression_moves_what_its_shapes_move(spoken, expected, head):
         assert np.linalg.norm(moved[name], axis=1).max() > 2e-3, name
     assert len(read["bones"]) == 15 and read["lookAt"] == "expression"
     assert read["meta"]["name"] == "head" and read["meta"]["metaVersion"] == "1"
-    # An avatar that is sent both opens its mouth once.
+    # An avatar that gets both `aa` and `JawOpen` opens its mouth only once.
     assert read["aa"] == 0.0
 
 
@@ -193,7 +193,7 @@ def test_a_take_moves_the_avatar_as_the_arrays_do(spoken, expected, head):
     yaw, pitch = np.degrees(expected.arrays["gaze"].mean(axis=1)).T
     looks = np.array(read["looks"])
     assert np.abs(yaw).max() > 0.1
-    # three-vrm's pitch goes down.
+    # In three-vrm a positive pitch looks down.
     assert np.abs(looks - np.stack([yaw, -pitch], axis=1)).max() < 0.05
 
 

@@ -15,7 +15,10 @@ LAGS = range(-8, 9)
 SMOOTHINGS = (0.0, 1.0, 2.0)
 FINE = 8
 LEAST_SCALE = 0.05
-"""Outputs that hardly move count as if they moved by this share of the liveliest output."""
+"""Least deviation of an output, as a share of that of the liveliest output.
+
+Outputs that hardly move are scaled as if they had this deviation.
+"""
 
 
 def at_frames(times_s: np.ndarray, values: np.ndarray, frames: int) -> np.ndarray:

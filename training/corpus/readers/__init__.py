@@ -19,4 +19,7 @@ READERS = {
     "grid_s1": grid_s1,
     "facegood_zh": facegood_zh,
 }
-"""Corpus name → its reader, which gets the corpus, the folder to write, and the landmarks of its topology."""
+"""Corpus name → its reader.
+
+A reader gets the corpus, the folder to write, and the landmarks of the corpus's topology.
+"""

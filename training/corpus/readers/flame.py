@@ -21,13 +21,13 @@ EMOTIONS = {
     "upset": "upset", "ill": "ill", "drunk": "drunk", "suspicious": "suspicious",
 }  # fmt: skip
 LEVELS = 3
-"""MEAD records every emotion at three levels; the strongest is intensity 1."""
+"""MEAD records every emotion at three levels. The strongest counts as intensity 1."""
 MEAD_FPS, EMOVOCA_FPS, RAVDESS_FPS = 25.0, 60.0, 30.0
 RAVDESS_EMOTIONS = ("neutral", "calm", "happy", "sad", "angry", "afraid", "disgusted", "surprised")
 RAVDESS_STATEMENTS = ("Kids are talking by the door", "Dogs are sitting by the door")
 RAVDESS_INTENSITIES = (0.5, 1.0)
 EXPRESSION = 300
-"""First column of the expression in FLAME's shape directions."""
+"""Index of the first direction in FLAME's shape directions that belongs to the expression."""
 JAW = 2
 
 

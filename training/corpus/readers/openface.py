@@ -10,9 +10,12 @@ from training.corpus.readers.weights import split_of
 from training.corpus.writer import CorpusWriter
 
 SURE = 0.8
-"""From this confidence on a frame counts as tracked."""
+"""A frame counts as tracked from this confidence on."""
 CAMERA_TO_FACE = np.array([1.0, -1.0, -1.0])
-"""OpenFace: +x to the right of the picture (the subject's left), +y down, +z away from the camera."""
+"""Turns OpenFace's axes into the face's.
+
+OpenFace has +x to the right of the picture (the subject's left), +y down, +z away from the camera.
+"""
 
 
 def openface(source: Path, folder: Path, landmarks: Path | None) -> Path:

@@ -21,9 +21,9 @@ VOCASET_SPLITS = {
     "val": ("FaceTalk_170811_03275_TA", "FaceTalk_170908_03277_TA"),
     "test": ("FaceTalk_170809_00138_TA", "FaceTalk_170731_00024_TA"),
 }
-"""Speakers that VOCA (Cudeiro et al. 2019) holds out; the other eight train."""
+"""Speakers that VOCA (Cudeiro et al. 2019) holds out. The other eight are for training."""
 BIWI_FIRST_VAL, BIWI_FIRST_TEST = 33, 37
-"""First validation and test sentence of BIWI, as FaceFormer (Fan et al. 2022) splits it."""
+"""First validation and first test sentence of BIWI in the split of FaceFormer (Fan et al. 2022)."""
 MULTIFACE_TEST_EVERY = 10
 
 

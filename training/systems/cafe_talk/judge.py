@@ -25,11 +25,11 @@ WIDTH, HEADS = 64, 8
 WINDOW_FRAMES = 50
 BATCH, RATE = 64, 2e-3
 INTENSITIES = (0.0, 1.5)
-"""Intensities of the emotions that the judge learns from."""
+"""Lowest and highest intensity of the emotions that the judge learns from."""
 TOO_WEAK = 0.25
 """Below this intensity a window teaches only its strength, not which emotion it shows."""
 STRENGTH_SHARE = 1.0
-"""Weight of the strength's error beside the cross-entropy of the emotion."""
+"""Loss weight of the squared error of the strength. The cross-entropy of the emotion weighs 1."""
 
 
 class Judge(nn.Module):

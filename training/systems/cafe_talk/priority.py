@@ -12,12 +12,14 @@ from torch import Tensor, nn
 from training.corpus.faces import CHANNELS
 
 YIELDING = [CHANNELS.index(c) for c in ("jawOpen", "mouthShrugLower")]
-"""Shapes that hold the mouth open or shut."""
+"""Indices of the shapes that hold the mouth open or shut. In events they yield to speech."""
 OPENS, CLOSES = CHANNELS.index("jawOpen"), CHANNELS.index("mouthClose")
 NEAR_FRAMES = 12
-"""Half a second to either side: a syllable or two."""
+"""Frames to either side in which the widest opening counts: half a second, a syllable or two."""
 RESTING = 0.03
-"""Below this weight of `jawOpen` nobody speaks."""
+"""Added to the opening and to the widest opening. Where the widest opening is far smaller than this, nobody
+speaks and the shapes act almost in full.
+"""
 
 
 def yielding(strength: Tensor, spoken: Tensor) -> Tensor:

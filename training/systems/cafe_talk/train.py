@@ -52,13 +52,19 @@ LEAST_DEVIATION = 0.05
 MOUTH_WEIGHT = 2.0
 EVENT_SHARE, SWAPPED_SHARE = 0.5, 0.5
 EVENT_WEIGHT = 4.0
-"""Weight of an event's own channels, beside what was recorded."""
+"""Loss weight of a channel while an event controls it. A recorded channel weighs 1. In rows with a swapped
+label only the controlled channels count, each with 1.
+"""
 TOLD_INTENSITY = (0.3, 1.2)
-"""Intensities of the emotion given to a row with a swapped label."""
+"""Lowest and highest intensity of the emotion that a row with a swapped label is given."""
 CONTACT_FRAMES, SPOKEN_M = 6, 2.5e-3
-"""In speech, lips that meet open this far within so many frames."""
+"""Lips that meet count as speaking, not as resting, if within this many frames before or after they open
+this far (metres, relative to the neutral face).
+"""
 MET_M, PARTED_M = -0.3e-3, 1.0e-3
-"""Between these openings over that of the neutral face, lips count as less and less closed."""
+"""Openings in metres, relative to the neutral face, at which lips count as fully closed and as fully parted.
+Between them `lips_met` falls linearly from 1 to 0.
+"""
 
 
 @dataclass

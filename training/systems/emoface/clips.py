@@ -35,7 +35,7 @@ from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
 
 TEMPLATE = EmoFaceConfig.template
-"""Frame rate of the project's own clips."""
+"""Template of the default configuration. The project's own clips train only on this one."""
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:

@@ -18,22 +18,24 @@ from training.nn.config import Config
 from training.speech.log_mel import BANDS, FFT, FRAME, SAMPLE_RATE_HZ, log_mel, power_spectrum
 
 HEARD_EMOTIONS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
-"""Classes that the encoder learned, by the project's names; `calm` is emodb_de's boredom."""
+"""The encoder's classes under the project's names. `calm` is the boredom of emodb_de."""
 WINDOW, LEAST, STEP = 200, 80, 16
-"""Frames of the window, fewest frames that it must have, and frames from one instant to the next."""
+"""Length of a window, shortest length of a window, and step between instants, in frames of 10 ms."""
 PEAK, SILENT = 0.9, 1e-4
 ACTIVE_NEPERS = 4.0
-"""Frames within this range of the window's loud level are active."""
+"""Frames are active down to this many nepers below the loud level of their window."""
 LOUD_SHARE = 0.95
 LAGS = np.arange(SAMPLE_RATE_HZ // 400, SAMPLE_RATE_HZ // 65)
 LOW_BIN, HIGH_BIN = 3, 48
-"""From the first bin above mains hum up to 1.5 kHz."""
+"""FFT bins in which the pitch is sought: from the first bin above mains hum up to 1.5 kHz."""
 PERIODIC = 0.6
 LEAST_OVERLAP = 0.15
 LEAST_VOICED = 6
 NO_PITCH = 7.0
 LARGEST_STEP = 0.2
-"""Greatest change in octaves from frame to frame; more is another voice or an error."""
+"""Pitch steps between frames of this many octaves or more are left out: they come from another voice or an
+error.
+"""
 CEPSTRA = 20
 NUMBERS = 118
 

@@ -25,7 +25,7 @@ from training.systems.emoface.rows import Spoken
 
 MEL_HZ = MEL_PER_FRAME * FPS
 UNTAUGHT = -1
-"""Label number of an emotion that an encoder has no class for."""
+"""Label of a clip whose emotion is not a class of the emotion encoder."""
 
 
 class CompactSpeech(nn.Module):

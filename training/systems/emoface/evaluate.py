@@ -37,9 +37,9 @@ from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
 
 TAUGHT = 8
-"""Sentences on which taught emotions are measured."""
+"""Number of sentences on which `taught` measures the emotions."""
 CROSSED = 3
-"""Recordings of other emotions that each sentence is combined with."""
+"""Most recordings of other emotions that each sentence is combined with."""
 
 
 @dataclass

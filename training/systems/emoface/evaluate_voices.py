@@ -38,12 +38,12 @@ STILL = (
     "--variety",
     0,
 )
-"""Nothing but speech and emotion moves."""
+"""Options with which only speech and emotion move the face."""
 SHOWN = ("angry", "sad", "happy", "afraid", "disgusted")
 BROWS, CORNERS, UPPER = [19, 20, 21, 22, 23, 24], [48, 54], [*range(17, 27), *range(36, 48)]
 SEEN_MM = 1.5
 GRID_STEP, GRID_COUNT = 20, 40
-"""Every twentieth clip of grid_s1; all of these are held out."""
+"""Every twentieth clip of grid_s1 is used, at most 40. All of these are held out."""
 
 
 def motion(engine: Engine, sound: Path, *more) -> np.ndarray:

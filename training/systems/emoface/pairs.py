@@ -18,7 +18,7 @@ from training.paper.metrics import best_path, path_costs
 from training.systems.emoface.rows import Spoken
 
 SMOOTH_FRAMES = 5
-"""A path has steps of whole frames; a mean over so many frames evens its pace."""
+"""A path moves in whole frames. A moving mean over this many frames smooths its pace."""
 
 
 def sentence(text: str) -> str:

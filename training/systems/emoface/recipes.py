@@ -20,21 +20,21 @@ class EmoFaceRecipe(Recipe):
     """
 
     average: float | None = None
-    """Decay of the averaged weights that are saved; None saves the last weights."""
+    """Decay of the running average of the weights, which is saved. None saves the last weights."""
     velocity: float = 500.0
     acceleration: float = 0.0
     length: int | None = None
-    """Length in steps; None: `epochs` counts."""
+    """Length of the training in steps. None means that `epochs` sets it."""
     clip: float
-    """Greatest norm of the gradient."""
+    """Gradients are clipped to this norm."""
     concordance: float
-    """Weight of the features that a viewer sees of the mouth; ours."""
+    """Loss weight of the mouth features that a viewer sees. Our addition to the paper."""
     classification: float
-    """λ4 of eq. 11."""
+    """λ4 of eq. 11: loss weight of the classification of the emotion."""
     whole: bool
-    """Whether a batch is one recording from end to end and one of its pairs; otherwise stretches of many."""
+    """Whether a batch is one whole recording and one of its pairs. Otherwise it holds stretches of many."""
     encoder_share: float
-    """Rate of trained encoders relative to the model's."""
+    """Learning rate of encoders in training, as a share of the model's rate."""
     reconstruction: float = 1000.0
     """λ1 = λ2 of eq. 11."""
 

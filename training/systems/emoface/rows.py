@@ -13,9 +13,9 @@ from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Inputs
 
 NEUTRAL = "neutral"
 NEUTRAL_SHARE = 0.45
-"""Share of recorded neutral speech that stays neutral; the rest takes the emotion of another recording."""
+"""Share of neutral speech that stays neutral. The rest takes the emotion of another recording."""
 OWN_SHARE = 0.5
-"""Share of acted speech with its own emotion (eq. 7); the rest are the paper's crossed pairs (eq. 8)."""
+"""Share of acted speech that keeps its own emotion (eq. 7). The rest are crossed pairs (eq. 8)."""
 CHANGING_SHARE = 0.25
 LEVEL_ONE_SHARE, HIGHEST_LEVEL = 0.4, 1.5
 UNNAMED_STYLE_SHARE = 0.5

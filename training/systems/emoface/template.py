@@ -17,9 +17,11 @@ from training.corpus.faces import Face, load_ict
 from training.systems.emoface.model import Template
 
 FINE = {"lips": (range(48, 68), 9e-3, 3.0), "lids": (range(36, 48), 6e-3, 2.0)}
-"""Landmarks, a distance around them in metres, and how much longer edges count there."""
+"""Landmarks, the radius around them in metres, and the factor on the length of edges within it."""
 STILL_M, STILL = 5e-4, 0.5
-"""Where no channel moves a vertex this far, edges count this much shorter."""
+"""Where no channel moves a vertex as far as the first number (metres), the second is the factor on the length
+of edges.
+"""
 
 
 def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:

@@ -38,12 +38,12 @@ from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.25, "emodb_de": 0.4}
 GUIDED_SHARE = 0.2
-"""θ of eq. 6 over N."""
+"""θ of eq. 6, as a share of the N steps. Until θ the model sees only true previous frames."""
 LENGTHS = (36, 48, 60)
 PROTOTYPE_CLIPS = 8
-"""Clips of each emotion that encoders in training hear again for the prototypes."""
+"""Most clips of each emotion that encoders in training hear again to compute the prototypes."""
 MODELS = "models"
-"""Folder in a run for encoders that were trained."""
+"""Name of the folder in a run that receives trained encoders."""
 
 
 class Learner(nn.Module):

@@ -23,7 +23,9 @@ from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, EmotionEnco
 READERS = ("kathleen_en", "kerstin_de", "nathalie_nl", "picovoice_en")
 SHRINKAGE = 0.1
 TRAINING_INSTANTS = 2
-"""Instants of each clip in training: its last ones, so that shorter windows are known too."""
+"""Number of instants of each clip that the encoder learns from. They are the clip's last ones, so that the
+encoder also learns windows shorter than `WINDOW`.
+"""
 
 
 @dataclass

@@ -17,7 +17,7 @@ from training.systems.facetalk.identity import numbers
 
 SAMPLES = 600
 ELSEWHERE = 0.2
-"""Weight of a vertex off the face."""
+"""Factor on the weight of a vertex that is not part of the face."""
 MARGIN_M = 0.01
 
 

@@ -11,14 +11,16 @@ from training.systems.facetalk.head import Head
 
 CODES = 5e-5
 STEEP_M = 1e-3
-"""Errors beyond this count squared: with plain lengths a rare pose was not learned at all."""
+"""Length of an error in metres at which its square adds as much to the loss as the length itself. With plain
+lengths the model did not learn rare poses at all.
+"""
 GAPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
 MOST_PAIRS = 200
 ABOUT_M = 0.02
 FAR_SHARE = 0.15
 STILL_M = 0.02
-"""Places of the volume farther from the skin than this do not move."""
+"""Points of the volume farther from the skin than this (metres) do not move."""
 BACKWARD_POINTS, BACKWARD_AWAY_M = 0.5, 1.5e-3
 
 

@@ -14,15 +14,15 @@ from training.run import downhill
 from training.systems.facetalk.head import COEFFICIENTS, Head
 
 SDF, TEMPORAL, EXPRESSION = 10.0, 0.1, 0.0025
-"""Weights of eq. 16."""
+"""Weights of the terms of eq. 16: distances, changes from frame to frame, size of expression codes."""
 DISTANCE_M, LANDMARK_M = 4e-4, 3e-3
-"""Deviation of points and of landmarks from a head of the model.
+"""Standard deviations, in metres, of points and of landmarks from a head of the model.
 
-Points are not independent, so only `POINT_SHARE` of their number counts.
+Points are not independent, so only the share `POINT_SHARE` of their number counts.
 """
 POINT_SHARE = 0.05
 ROBUST_M = 3e-3
-"""Points farther off than this count less and less (Cauchy)."""
+"""A point farther off than about this (metres) counts less the farther it is (Cauchy)."""
 DIFFERENCE = 0.05
 ITERATIONS, POINTS = 8, 1200
 DAMPING = 0.1

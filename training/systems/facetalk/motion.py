@@ -22,7 +22,7 @@ from training.nn.rotary import RotaryAttention
 
 PLACES = 3
 LANDMARKS = "landmarks"
-"""Memory of a model that follows landmarks instead of speech: their motion, [T, 204] centimetres."""
+"""Names the input of a model that follows landmarks instead of speech: their motion, [T, 204] centimetres."""
 CM = 100.0
 
 

@@ -12,7 +12,7 @@ from training.systems.facetalk.motion import Denoiser, MotionConfig
 from training.systems.facetalk.network import widened
 
 MOTIONS = ("motion", "landmark_motion")
-"""The models that move a head: by speech, and by the motion of landmarks."""
+"""Names of the models that move a head: one follows speech, the other the motion of landmarks."""
 EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.mirror", "principal.",
          "motion.mean", "motion.std", "landmark_motion.mean", "landmark_motion.std")  # fmt: skip
 

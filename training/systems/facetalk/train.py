@@ -34,11 +34,13 @@ FAR_SHARE = 0.3
 FAR_WEIGHT = 0.15
 NORMAL_WEIGHT = 4.0
 EVEN_M = 1e-4
-"""Errors below this count less than proportionally."""
+"""Errors far below this (metres) count by their square, far larger ones in proportion to their length."""
 EIKONAL, EIKONAL_EVERY = 0.02, 8
 REFRESHED = 1
 OUT_RATE = 0.05
-"""Share of the rate for the layers that output displacements."""
+"""Share of the learning rate for the slow layers of `by_rate`: those that output displacements and those that
+sum over many numbers of a code.
+"""
 RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
 
 

@@ -50,7 +50,7 @@ from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
 DROPPED_SHARE = 0.25
-"""Rows without speech, for guidance."""
+"""Share of rows that train without their input (speech or landmarks), for classifier-free guidance."""
 PURE_NOISE_SHARE = 0.3
 CONCORDANCE = 0.3
 LANDMARK_WEIGHT = 1.0
@@ -60,10 +60,13 @@ PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
 CONFIGS = {"compact": MotionConfig, "debug": debug_config}
 BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
-"""Share of rows of landmark motion with an added emotion, shut lids and moving brows, and how long these
-last."""
+"""Share of rows of landmark motion that get an added emotion and moving brows, and the shortest and longest
+time in frames from their peak to their end. Apart from this share, lids shut in half of the rows.
+"""
 UNEVEN_MM = 1.5
-"""Greatest error of tracked landmarks, as a deviation."""
+"""Largest standard deviation, in mm, of the noise on landmarks that imitates tracking errors. Each row draws
+its own deviation between 0 and this.
+"""
 
 
 class Codes:

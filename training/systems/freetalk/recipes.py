@@ -23,10 +23,10 @@ class Recipe:
     acceleration: float
     """λ_a of eq. 15."""
     plain: bool
-    """Whether the loss is eq. 15 alone with every point alike. Otherwise the trainer adds its own terms."""
+    """Whether the loss is eq. 15 alone and weighs all points alike. If not, the trainer adds terms."""
     dropout: float = 0.0
     average: float = 0.0
-    """Decay of the averaged weights that are saved; 0 saves the last weights."""
+    """Decay of the running average of the weights, which is saved. 0 saves the last weights."""
     epochs: int | None = None
     batch: int | None = None
 

@@ -61,7 +61,7 @@ CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
 NEUTRAL_GAP_M = 0.8e-3
-"""Opening of the inner lips in ICT's neutral face, where the motion starts."""
+"""Opening of the inner lips in metres in ICT's neutral face, from which motion is measured."""
 UNLABELLED_SHARE = 0.6
 
 

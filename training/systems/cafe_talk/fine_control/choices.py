@@ -9,9 +9,9 @@ from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeContr
 STEPS = (1, 2, 4, 8, 16)
 ALPHAS = (1.0, 1.5, 2.0)
 SAMPLE = ("1", "4", "12", "15", "26", "45")
-"""Units that represent all sixteen where trying each would take too long."""
+"""Units that represent all sixteen in trials where testing each would take too long."""
 UPPER, LOWER = ("1", "4", "45"), ("12", "20", "26")
-"""Units whose events should not move the lips, and some whose events do."""
+"""Units whose events should not move the lips, and units whose events do."""
 GUIDANCES = (1.0, 2.0, 3.0)
 """Values of α at which the two forms of eq. 6 are compared."""
 Row = dict[str, float | str]

@@ -25,7 +25,7 @@ LOWER = {"smile": "12,6", "jaw drop": "26"}
 UPPER_LIP, LOWER_LIP = 62, 66
 MM = 1000.0
 SLOT_S = (1.0, 2.2)
-"""Begin and end of the event."""
+"""Start and end of the event in seconds."""
 # No random motion.
 STILL = ("--blinks", "0", "--brow-accents", "0", "--fps", "50")
 

@@ -17,10 +17,10 @@ from training.losses import lip_gap
 from training.systems.cafe_talk.train import lips_met
 
 NEIGHBOURS = 5
-"""Frames beside a slot that it is compared with (Cafe-Talk §4.2.1: 0.2 s at 25 fps)."""
+"""A slot is compared with this many frames on either side (Cafe-Talk §4.2.1: 0.2 s at 25 fps)."""
 FAR_FRAMES = 10
 MET_SHARE = 0.5
-"""From which value of `lips_met` lips count as closed."""
+"""Lips count as closed from this value of `lips_met` on."""
 Slot = tuple[int, int]
 
 

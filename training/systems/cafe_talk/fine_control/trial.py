@@ -17,9 +17,9 @@ from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import load
 
 SLOT_FRAMES = 20
-"""0.8 s."""
+"""Length of the slot in which events are tried: 0.8 s."""
 LESSONS = 40
-"""Clips of each source that teach the judge."""
+"""Number of clips of each source that the judge learns from."""
 
 
 @dataclass

@@ -31,7 +31,7 @@ from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
 LIDS_WITHIN_DM = 0.1
-"""A vertex nearer than this to an eye landmark counts as lid."""
+"""A vertex counts as lid if it is nearer than this (dm) to an eye landmark."""
 
 Method = Callable[[PreparedMesh, torch.Tensor], torch.Tensor]
 

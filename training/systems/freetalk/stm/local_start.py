@@ -15,9 +15,9 @@ from training.nn.diffusion_net import SurfaceOperators
 from training.systems.freetalk.stm.paper import PaperDecoder
 
 PLACE = 4
-"""Channels of a place: its coordinates and one more."""
+"""Channels that hold a position: three coordinates and one for the term `-l·l / 2`."""
 SIGMAS_DM = (0.15, 0.4)
-"""σ of the first and of the last attention head."""
+"""σ of the first and of the last attention head in dm. The heads between form a geometric series."""
 ONE_VERTEX_IN = 5
 
 

@@ -27,7 +27,7 @@ from training.nn.diffusion_net import DiffusionNet, SurfaceOperators
 
 LANDMARKS = 68
 INPUTS = 6
-"""Channels of a vertex: position and normal."""
+"""Number of input channels of a vertex: position and normal."""
 
 CHAINS = [
     (range(17), False),
@@ -47,7 +47,7 @@ BRIDGES = [
     (27, 39), (27, 42), (30, 33), (31, 48), (33, 51), (35, 54), (48, 60), (54, 64), (51, 62),
     (57, 66), (62, 66), (8, 57), (4, 48), (12, 54), (31, 39), (35, 42), (2, 31), (14, 35),
 ]  # fmt: skip
-"""Edges between curves, so that the graph is connected and a motion reaches its neighbours."""
+"""Edges between curves. They connect the graph, so that a motion reaches the neighbouring curves."""
 
 
 @dataclass(frozen=True)

@@ -50,17 +50,19 @@ from training.systems.freetalk.stm.train_paper import (
 )
 
 STEPS = 5000
-"""Steps of the static decoder."""
+"""Number of training steps of the static decoder."""
 PAPER_STEPS = 36_000
-"""Steps of the paper's decoder; each takes 0.17 s of one core."""
+"""Number of training steps of the paper's decoder. Each takes 0.17 s on one core."""
 SAVE_EVERY = 500
 JUDGED_FRAMES = 10
-"""Frames of each held-out clip that every log line is judged on."""
+"""Every row of the log measures errors on this many frames of each held-out clip."""
 COARSE = Counts(60, 40, (1600, 3600))
-"""Meshes for the paper's decoder, whose steps cost in proportion to the vertices."""
+"""Numbers and sizes of meshes for the paper's decoder. They are coarse because the cost of a step grows in
+proportion to the vertices.
+"""
 MOST_VERTICES = 2200
 SHAPES = 1500
-"""Neutral faces of each kind that define a familiar face."""
+"""Number of neutral faces of each kind that show the model which faces are familiar."""
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 

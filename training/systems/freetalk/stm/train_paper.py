@@ -31,9 +31,9 @@ SAVE_EVERY = 200
 LOG_EVERY = 2000
 LANDMARK_GAIN = 20.0
 ATTENTION_RATE = 0.1
-"""Share of the learning rate for the parameters that decide where a vertex looks."""
+"""Share of the learning rate for the parameters that decide which landmarks a vertex attends to."""
 START_MESHES = 8
-"""Meshes of each face that the start of the attention is fitted to."""
+"""Number of meshes of each face to which the attention is fitted before training."""
 
 
 @dataclass
