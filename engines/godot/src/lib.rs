@@ -1,7 +1,7 @@
-//! `AnyfaceSpeaker`, a node for Godot 4 that moves the blend shapes of a mesh to a sound that is played.
-//! `anyface live --websocket` and docs/examples/anyface.gd follow a microphone.
+//! `AnyfaceSpeaker`, a node for Godot 4 that moves the blend shapes of a mesh while a sound plays.
+//! To follow a microphone instead, use `anyface live --websocket` with docs/examples/anyface.gd.
 
-// The macro of exported properties writes accessors without comments.
+// The macro for exported properties generates accessors without comments.
 #![allow(missing_docs)]
 
 mod character;
@@ -23,39 +23,42 @@ struct Extension;
 #[gdextension]
 unsafe impl ExtensionLibrary for Extension {}
 
-/// Speaks with the sound of its player.
+/// Makes a face speak in time with the sound of a player.
 ///
-/// Where `player` plays, the blend shapes of `mesh` follow: ARKit's (`jawOpen`, …), or Oculus' visemes (`viseme_aa`, …)
-/// where it has no `jawOpen`. `anyface rig --out head.glb` gives a mesh that has none its shapes.
+/// While `player` plays, the blend shapes of `mesh` follow: ARKit's (`jawOpen`, …), or Oculus'
+/// visemes (`viseme_aa`, …) if the mesh has no `jawOpen`. If a mesh has no blend shapes,
+/// `anyface rig --out head.glb` adds them.
 #[derive(GodotClass)]
 #[class(base = Node, init)]
 pub struct AnyfaceSpeaker {
     /// An AudioStreamPlayer, AudioStreamPlayer2D or AudioStreamPlayer3D.
     #[export]
     player: Option<Gd<Node>>,
-    /// What has the blend shapes.
+    /// The mesh with the blend shapes.
     #[export]
     mesh: Option<Gd<MeshInstance3D>>,
-    /// What has the bone of the head; none leaves the head still.
+    /// The skeleton with the bone of the head. Without one, the head stays still.
     #[export]
     skeleton: Option<Gd<Skeleton3D>>,
     /// Name of the bone of the head.
     #[export]
     #[init(val = "Head".into())]
     head_bone: GString,
-    /// What the face feels: `neutral`, `happy:0.5`, `sad:0.4,calm:0.3`, or `auto` for what is heard in the voice. A change
-    /// shows in the next frame; `auto` and a name change into one another when the sound begins anew.
+    /// The emotion of the face: `neutral`, `happy:0.5`, `sad:0.4,calm:0.3`, or `auto` to hear it in
+    /// the voice. A change shows from the next new frame on; frames already computed for this sound
+    /// keep their emotion. After a change to `auto` the first second is neutral.
     #[export]
     #[init(val = "neutral".into())]
     emotion: GString,
-    /// Whether every sound moves the face, singing, music and noise too; otherwise speech alone does.
+    /// Whether every sound moves the face, including singing, music and noise. Otherwise only
+    /// speech does.
     #[export]
     any_sound: bool,
     voice: Option<Voice>,
-    /// The sound of `voice`, or one that cannot be heard.
+    /// The sound of `voice`, or the last sound if it could not be decoded.
     sound: Option<Gd<AudioStream>>,
     character: Character,
-    /// What went wrong last, so that it is said once.
+    /// The last problem, so that it is reported only once.
     complaint: String,
     base: Base<Node>,
 }
@@ -63,7 +66,7 @@ pub struct AnyfaceSpeaker {
 #[godot_api]
 impl INode for AnyfaceSpeaker {
     fn process(&mut self, _delta: f64) {
-        // A tool script may draw it in the editor, where nothing plays.
+        // A tool script may run this node in the editor, where nothing plays.
         if Godot::singleton().is_editor_hint() {
             return;
         }
@@ -75,11 +78,12 @@ impl INode for AnyfaceSpeaker {
 
 #[godot_api]
 impl AnyfaceSpeaker {
-    /// The face cannot speak, and why.
+    /// The face cannot speak, for this reason.
     #[signal]
     fn failed(reason: GString);
 
-    /// Decodes a sound before it is played: otherwise that is done when it begins. Returns whether it could be done.
+    /// Decodes a sound ahead of time. Without this, it is decoded when it starts to play. Returns
+    /// whether decoding succeeded.
     #[func]
     fn prepare(&mut self, sound: Gd<AudioStream>) -> bool {
         match self.hear(&sound) {
@@ -91,8 +95,8 @@ impl AnyfaceSpeaker {
         }
     }
 
-    /// Weights of all shapes and visemes by name at an instant of the sound, in seconds, for characters that have other
-    /// shapes; empty before a sound is there.
+    /// The weights of all shapes and visemes by name, at a time of the sound in seconds. For
+    /// characters that have other shapes. Empty if there is no sound yet.
     #[func]
     fn weights_at(&mut self, seconds: f64) -> VarDictionary {
         let emotion = self.emotion.to_string();
@@ -109,7 +113,7 @@ impl AnyfaceSpeaker {
 }
 
 impl AnyfaceSpeaker {
-    /// Shows the face at the instant that is heard.
+    /// Shows the face at the moment of the sound that is being heard.
     fn follow_player(&mut self) -> Result<(), String> {
         let Some(mut player) = self.player.clone() else {
             return Ok(());
@@ -129,17 +133,21 @@ impl AnyfaceSpeaker {
         }
         let at = player.call("get_playback_position", &[]);
         let server = AudioServer::singleton();
-        // As Godot's manual has it: the position is that of the last mixed block, and is heard later.
+        // From Godot's manual: the position is that of the last mixed block, which is heard later.
         let seconds = at.try_to::<f64>().unwrap_or(0.0) + server.get_time_since_last_mix()
             - server.get_output_latency();
-        let (voice, emotion) = (self.voice.as_mut(), self.emotion.to_string());
-        let frame = voice.expect("just heard").at(seconds, &emotion);
+        let emotion = self.emotion.to_string();
+        // Without a voice the sound could not be decoded, which an earlier frame has reported.
+        let Some(voice) = self.voice.as_mut() else {
+            return Ok(());
+        };
+        let frame = voice.at(seconds, &emotion);
         self.show(&frame.map_err(|e| e.to_string())?)
     }
 
-    /// Decodes a sound and begins to listen to it.
+    /// Decodes a sound and opens a `Voice` for it.
     fn hear(&mut self, sound: &Gd<AudioStream>) -> Result<(), String> {
-        // Kept where it fails too: the next frame would fail alike.
+        // Remember the sound even if decoding fails: it would fail again in the next frame.
         (self.sound, self.voice) = (Some(sound.clone()), None);
         let waveform = decoded(sound)?;
         let voice = Voice::new(engine()?, waveform.samples, self.any_sound);
@@ -155,7 +163,7 @@ impl AnyfaceSpeaker {
         Ok(())
     }
 
-    /// Says once what is wrong, as an error and a signal.
+    /// Reports a problem once, as an error and as a signal.
     fn complain(&mut self, reason: String) {
         if reason != self.complaint {
             godot_error!("Anyface: {reason}");
@@ -173,7 +181,7 @@ fn engine() -> Result<&'static Engine, String> {
     engine.as_ref().map_err(Clone::clone)
 }
 
-/// Any sound that Godot plays, mono at 16 kHz.
+/// Decodes any sound that Godot can play, to mono at 16 kHz.
 fn decoded(sound: &Gd<AudioStream>) -> Result<Waveform, String> {
     let rate_hz = AudioServer::singleton().get_mix_rate();
     let length_s = sound.get_length();

@@ -1,5 +1,6 @@
 # Plays a sound, lets AnyfaceSpeaker follow it, and prints what its shapes and the bone are after each frame.
 #     speaker.gd -- VOICE.wav EMOTION
+# The word "endless" instead of a file plays half a second of a sound that has no end.
 extends SceneTree
 
 const Following := preload("res://follow.gd")
@@ -14,7 +15,8 @@ func _initialize() -> void:
 	var words := OS.get_cmdline_user_args()
 	_mesh.mesh = Following.triangle()
 	_skeleton.add_bone("Neck")
-	_player.stream = AudioStreamWAV.load_from_file(words[0])
+	var is_endless := words[0] == "endless"
+	_player.stream = AudioStreamGenerator.new() if is_endless else AudioStreamWAV.load_from_file(words[0])
 	_speaker = ClassDB.instantiate("AnyfaceSpeaker")
 	_speaker.player = _player
 	_speaker.mesh = _mesh
@@ -26,7 +28,9 @@ func _initialize() -> void:
 	_player.finished.connect(quit)
 	_player.autoplay = true
 	Engine.max_fps = 100
-	if not _speaker.prepare(_player.stream):
+	if is_endless:
+		create_timer(0.5).timeout.connect(quit)
+	elif not _speaker.prepare(_player.stream):
 		quit(1)
 	for node in [_mesh, _skeleton, _player, _speaker]:
 		root.add_child(node)

@@ -1,6 +1,6 @@
-"""Godot 4 receives a live face by docs/examples/anyface.gd, and opens a take.
+"""Godot 4 receives a live face with docs/examples/anyface.gd, and opens a take.
 
-`ANYFACE_GODOT` names what runs Godot 4; without it these tests are skipped.
+`ANYFACE_GODOT` names the program that runs Godot 4. Without it these tests are skipped.
 """
 
 import json
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not GODOT, reason="ignored, needs ANYFACE_GODOT"
 
 @pytest.fixture
 def project(tmp_path):
-    """A folder that is a project to Godot."""
+    """The folder of a Godot project."""
     (tmp_path / "project.godot").write_text("config_version=5\n")
     for script in Path(__file__).parent.glob("*.gd"):
         shutil.copy(script, tmp_path)
@@ -37,7 +37,7 @@ def project(tmp_path):
 
 
 def godot(project, script, *words):
-    """A process that runs a script of the project."""
+    """Starts a process that runs a script of the project."""
     return subprocess.Popen(
         [GODOT, "--headless", "--path", project, "--script", f"res://{script}", "--", *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -45,7 +45,7 @@ def godot(project, script, *words):
 
 
 class Lines(threading.Thread):
-    """Objects of JSON that a process writes, one a line."""
+    """Collects the JSON objects that a process writes, one per line."""
 
     def __init__(self, pipe):
         super().__init__(daemon=True)
@@ -57,7 +57,7 @@ class Lines(threading.Thread):
         self.all.extend(json.loads(line) for line in self._pipe if line.startswith("{"))
 
     def wait(self, count, seconds=60.0):
-        """Waits until there are so many objects."""
+        """Waits until there are `count` objects."""
         end = time.monotonic() + seconds
         while len(self.all) < count:
             assert time.monotonic() < end, f"{len(self.all)} of {count} lines came"
@@ -96,7 +96,7 @@ def test_a_mesh_follows_the_live_face(project):
     turns = np.array([rotation(frame["head"]) for frame in sent.all])
     moving = [one for one in shown.all if one["weights"][2] > 0.0]
     assert np.ptp([one["weights"][0] for one in moving]) > 0.2
-    # Whatever Godot shows is a frame that was sent, the turn of the head too.
+    # Every pose that Godot shows is a frame that was sent, including the turn of the head.
     frames = []
     for one in moving:
         off = np.abs(weights - one["weights"]).max(axis=1)
@@ -115,7 +115,7 @@ def test_a_node_speaks_with_its_player(project):
     addon.mkdir(parents=True)
     shutil.copy(library, addon)
     shutil.copy(ROOT / "engines/godot/anyface.gdextension", addon)
-    # What the editor would write when it sees the extension.
+    # The editor would write this list when it sees the extension.
     (project / ".godot").mkdir()
     listed = "res://addons/anyface/anyface.gdextension\n"
     (project / ".godot/extension_list.cfg").write_text(listed)
@@ -130,7 +130,7 @@ def test_a_node_speaks_with_its_player(project):
     lines = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
     every = [line["all"] for line in lines if "all" in line]
     shown = [line for line in lines if "place" in line]
-    # Godot's mixer works at 44.1 kHz: the sound is not the same bit for bit.
+    # Godot's mixer works at 44.1 kHz, so the sound is not the same bit for bit.
     for name in (*SHAPES, "viseme_aa"):
         kind = "visemes" if name.startswith("viseme") else "shapes"
         sent = [frame[kind][name] for frame in frames]
@@ -138,7 +138,7 @@ def test_a_node_speaks_with_its_player(project):
     jaw = np.array([frame["shapes"]["jawOpen"] for frame in frames])
     moved = np.array([one["weights"][0] for one in shown])
     assert np.ptp(moved) > 0.2
-    # The face is where the sound is: a mixed block of some hundredths of a second lies between.
+    # The face is in time with the sound, within a mixed block of some hundredths of a second.
     places = np.array([one["place"] for one in shown])
     late_s = np.arange(-0.1, 0.101, 0.01)
     off = [
@@ -146,14 +146,19 @@ def test_a_node_speaks_with_its_player(project):
         for late in late_s
     ]
     assert abs(late_s[np.argmin(off)]) < 0.05 and min(off) < 0.02
-    # An emotion that nobody knows is told once.
+    # An unknown emotion is reported once.
     wrong = godot(project, "speaker.gd", project / "voice.wav", "hapy:1")
     out, _ = wrong.communicate(timeout=60)
     assert out.count("failed") == 1 and "hapy" in out
+    # So is a sound that cannot be decoded, while the scene goes on.
+    endless = godot(project, "speaker.gd", "endless", "happy:1")
+    out, err = endless.communicate(timeout=60)
+    assert out.count("failed") == 1 and "length" in out, out
+    assert out.count("place") > 5 and "panicked" not in err, err
 
 
 def test_every_vertex_of_a_take_moves_as_the_arrays_do(project, spoken, expected):
-    # Godot in its folder sees temporary files alone.
+    # Godot may run in a chroot that sees only temporary files.
     shutil.copy(spoken / "talk.glb", project)
     displacements = expected.displacements()
     count = len(displacements)
