@@ -44,7 +44,8 @@ pub const LINUX_ARM64: Target = Target {
     triple: "aarch64-unknown-linux-gnu",
     standard_library: UNWIND,
     linker: Some("aarch64-linux-gnu-gcc"),
-    packages: &["gcc-aarch64-linux-gnu", "qemu-user"],
+    // Debian only recommends the C library's headers beside the compiler.
+    packages: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross", "qemu-user"],
 };
 
 /// macOS on Apple's processors.
