@@ -24,16 +24,22 @@ def mesh(height: float):
         data = {name: packed[name] for name in packed.files}
     named = zip(data["names"], data["colours"], strict=True)
     head_materials = [_material(str(name), colour) for name, colour in named]
-    points = standing(data["positions"] / _MICROMETRES, height)
-    faces = data["triangles"].tolist()
+    points = standing(_rows(data["positions"]) / _MICROMETRES, height)
+    faces = _rows(data["triangles"]).tolist()
     return smooth_mesh(NAME, points, faces, head_materials, data["materials"].astype(np.int32))
 
 
 def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions `[V, 3]` float32 and triangles `[F, 3]` uint32 of the same head."""
     with np.load(PACKED) as packed:
-        points = standing(packed["positions"] / _MICROMETRES, height)
-        return points.astype(np.float32), packed["triangles"].astype(np.uint32)
+        points = standing(_rows(packed["positions"]) / _MICROMETRES, height)
+        return points.astype(np.float32), _rows(packed["triangles"]).astype(np.uint32)
+
+
+def _rows(planes: np.ndarray) -> np.ndarray:
+    """Whole numbers `[N, 3]` from the bytes `[4, 3 N]` of the differences between their rows."""
+    differences = np.ascontiguousarray(planes.T).view("<i4").reshape(3, -1)
+    return differences.T.cumsum(axis=0)
 
 
 def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials, numbers):
