@@ -1,7 +1,8 @@
 """Model folders with config.json and weights. Training writes them, the library reads them.
 
 The weights are in model.safetensors. Shipped models have model.planes.gz instead: a safetensors file in gzip
-whose large matrices are 8-bit numbers, column after column, with scales.
+whose large matrices are 8-bit numbers, column after column, with scales. Large arrays of whole numbers are
+zigzag codes.
 """
 
 import gzip
@@ -23,13 +24,23 @@ EXACT = (
     "mean", "std", "vertices", "triangles", "spirals",
     "feature_mean", "feature_scale", "shape_mean", "shape_basis",
 )  # fmt: skip
-"""What stays f32 in every model: statistics, and numbers of vertices."""
+"""Names of arrays that stay f32 in every model: statistics, and vertex numbers."""
 SCALE = ".scale"
-"""Ending of the name under which the scales of an 8-bit matrix are stored."""
+"""The scales of an 8-bit matrix are stored under the matrix's name with this ending."""
 HALF = ("compact_speech.", "facetalk_compact.identity.", "head_topology.", "stm_paper.")
-"""Prefixes of MODEL.ARRAY that stay f16 in shipped models; docs/training.md says why."""
+"""Arrays whose name MODEL.ARRAY begins with one of these stay f16 in shipped models.
+
+docs/training.md says why.
+"""
 SMALLEST, SHORTEST_ROW = 2048, 16
-"""From this size of a matrix, and of its row, on it ships in eight bits."""
+"""A matrix ships in eight bits if it has at least this many values, and this many in a row."""
+LEVELS = {"text_units.vectors": 15, "text_units.ngrams": 15}
+"""Largest magnitude of the whole numbers in an 8-bit matrix, by MODEL.ARRAY. Others have `ALL_LEVELS`.
+
+Fewer levels take less space in gzip. The vectors of words come from random walks, and their noise is
+larger than the rounding: `text_units` recognises as many units with 15 levels as with 127.
+"""
+ALL_LEVELS = 127
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -50,17 +61,33 @@ def unpack(packed: bytes) -> bytes:
     return bytes(plain)
 
 
-def quantised(values: Tensor) -> tuple[Tensor, Tensor]:
+def quantised(values: Tensor, levels: int = ALL_LEVELS) -> tuple[Tensor, Tensor]:
     """Matrix or kernel [R, ...] as int8 [..., R], and the scale [R] of each row in bf16.
 
-    The largest magnitude of a row becomes 127. The numbers of a column resemble each other and take 2 % less
-    space in gzip when they lie side by side, so the axis of rows comes last. `scaled` in
+    The largest magnitude of a row becomes `levels`. The numbers of a column resemble each other and take 2 %
+    less space in gzip when they lie side by side, so the axis of rows comes last. `scaled` in
     rust-core/src/models/weights.rs and `in_floats` undo this. Quantising their result gives the same numbers.
     """
     columns = values.float().movedim(0, -1)
-    scales = (columns.abs().flatten(0, -2).amax(0) / 127).bfloat16()
+    scales = (columns.abs().flatten(0, -2).amax(0) / levels).bfloat16()
     steps = torch.where(scales > 0, scales, torch.ones_like(scales)).float()
-    return (columns / steps).round().clamp(-127, 127).to(torch.int8).contiguous(), scales
+    return (columns / steps).round().clamp(-levels, levels).to(torch.int8).contiguous(), scales
+
+
+def zigzag(values: Tensor) -> Tensor:
+    """Codes of whole numbers in uint16: `2n` for `n` from 0 on, `-2n - 1` for a negative `n`.
+
+    Small numbers of either sign have a high byte of 0, which takes no space in gzip. `whole_numbers` in
+    rust-core/src/models/weights.rs and `in_floats` undo this.
+    """
+    whole = values.int()
+    return torch.where(whole >= 0, 2 * whole, -2 * whole - 1).to(torch.uint16)
+
+
+def is_whole(value: Tensor) -> bool:
+    """Whether an array is a large f16 array of whole numbers that have a code."""
+    is_half = value.dtype == torch.float16 and value.numel() >= SMALLEST
+    return is_half and bool((value == value.round()).all()) and bool((value.abs() < 2**15).all())
 
 
 def is_large(value: Tensor) -> bool:
@@ -69,15 +96,20 @@ def is_large(value: Tensor) -> bool:
     return is_matrix and value.numel() >= SMALLEST and value[0].numel() >= SHORTEST_ROW
 
 
-def in_eight_bits(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
-    """Quantises the large arrays of a file and adds their scales; `HALF` arrays of `model` stay f16."""
+def as_shipped(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
+    """Packs the large arrays of a file.
+
+    Whole numbers become their codes. Other matrices are quantised and get scales; `HALF` arrays of `model`
+    stay f16.
+    """
+    whole = {name: zigzag(value) for name, value in stored.items() if is_whole(value)}
     large = {
-        name: quantised(value)
+        name: quantised(value, LEVELS.get(f"{model}.{name}", ALL_LEVELS))
         for name, value in stored.items()
-        if is_large(value) and not f"{model}.{name}".startswith(HALF)
+        if is_large(value) and name not in whole and not f"{model}.{name}".startswith(HALF)
     }
     numbers = {name: both[0] for name, both in large.items()}
-    return stored | numbers | {name + SCALE: both[1] for name, both in large.items()}
+    return stored | whole | numbers | {name + SCALE: both[1] for name, both in large.items()}
 
 
 def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tuple[str, ...] = EXACT) -> Path:
@@ -91,7 +123,7 @@ def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tup
     stored = {name: value if name in exact or name.startswith(begins) else value.half()
               for name, value in state.items()}  # fmt: skip
     is_shipped = WEIGHTS in folder.resolve().parents
-    stored = in_eight_bits(stored, folder.name) if is_shipped else stored
+    stored = as_shipped(stored, folder.name) if is_shipped else stored
     plain = to_bytes({name: value.contiguous() for name, value in stored.items()})
     (folder / (PACKED if is_shipped else PLAIN)).write_bytes(pack(plain) if is_shipped else plain)
     (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
@@ -108,12 +140,16 @@ def read_bytes(folder: Path) -> bytes:
 
 
 def in_floats(stored: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Arrays of a file in f32; 8-bit ones are multiplied by their scales and have rows first again."""
+    """Arrays of a file in f32. Undoes `as_shipped`, except for the rounding."""
     eight_bits = {name for name, value in stored.items() if value.dtype == torch.int8}
     scales = {name + SCALE for name in eight_bits}
     arrays = {name: value.float() for name, value in stored.items() if name not in scales}
     for name in eight_bits:
         arrays[name] = (arrays[name] * stored[name + SCALE].float()).movedim(-1, 0).contiguous()
+    for name, value in stored.items():
+        if value.dtype == torch.uint16:
+            code = value.int()
+            arrays[name] = torch.where(code % 2 == 0, code // 2, -(code + 1) // 2).float()
     return arrays
 
 

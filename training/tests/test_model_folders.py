@@ -12,7 +12,7 @@ from training.nn.checkpoint import (
     HALF,
     PACKED,
     PLAIN,
-    in_eight_bits,
+    as_shipped,
     in_floats,
     pack,
     quantised,
@@ -61,12 +61,32 @@ def test_eight_bits_are_within_half_a_step_and_stay_what_they_are():
     eight, scales = quantised(matrix)
     assert eight.shape == (40, 3, 96) and (eight[:, :, 5] == 0).all()
     assert (eight.flatten(0, 1).abs().amax(0) == 127).sum() == 95
-    stored = in_eight_bits({"matrix": matrix})
+    stored = as_shipped({"matrix": matrix})
     again = in_floats(stored)["matrix"]
     allowed = 0.51 * matrix.float().flatten(1).abs().amax(1) / 127
     assert ((again - matrix.float()).flatten(1).abs().amax(1) <= allowed).all()
     back, same = quantised(again)
     assert torch.equal(back, eight) and torch.equal(same, scales)
+
+
+def test_vectors_of_words_have_fewer_levels():
+    matrix = torch.randn(64, 64).half()
+    name, levels = next(iter(checkpoint.LEVELS.items()))
+    model, array = name.split(".")
+    for folder, largest in ((model, levels), ("another", 127)):
+        stored = as_shipped({array: matrix}, folder)
+        assert stored[array].abs().max() == largest
+        off = (in_floats(stored)[array] - matrix.float()).abs().amax(1)
+        assert (off <= 0.51 * matrix.float().abs().amax(1) / largest).all()
+
+
+@pytest.mark.parametrize("largest", [1, 40, 2048, 32752])
+def test_whole_numbers_keep_every_bit(largest):
+    whole = (torch.rand(64, 40) * 2 * largest - largest).half().round()
+    whole[0, 0], whole[0, 1], whole[0, 2] = largest, -largest, 0
+    stored = as_shipped({"whole": whole}, "another")
+    assert stored.keys() == {"whole"} and stored["whole"].dtype == torch.uint16
+    assert torch.equal(in_floats(stored)["whole"], whole.float())
 
 
 def test_every_shipped_model_can_be_read():

@@ -35,9 +35,11 @@ impl Array {
 
 /// The arrays of a weights file under a name prefix; cheap to clone.
 ///
-/// Half precision and 8-bit numbers are widened to `f32` when they are read: they save space in storage but cost time on
-/// a CPU. Each 8-bit number is a multiple of the scale of its row. `NAME.scale` holds the scales of `NAME`, whose numbers
-/// lie column after column: its first axis is the last in the file.
+/// Half precision and 8-bit numbers are widened to `f32` when they are read: they save space in
+/// storage but cost time on a CPU. Each 8-bit number is multiplied by the scale of its row.
+/// `NAME.scale` holds the scales of the array `NAME`. An 8-bit array lies column after column in
+/// the file: its first axis is the last one there. Unsigned 16-bit numbers are zigzag codes of
+/// whole numbers.
 ///
 /// ```
 /// # use anyface::models::Weights;
@@ -55,11 +57,12 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Reads a safetensors file from memory.
+    /// Reads a safetensors file from memory. Arrays of integers other than signed 8-bit and unsigned
+    /// 16-bit ones are skipped.
     ///
     /// # Errors
-    /// `Weights` if the bytes are truncated or not safetensors, or 8-bit numbers have no scales that fit. Arrays of other
-    /// integers are skipped.
+    /// `Weights` if the bytes are truncated or not safetensors, or if 8-bit numbers have no scales
+    /// that fit.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let file = SafeTensors::deserialize(bytes).map_err(|error| {
             Error::Weights(format!(
@@ -71,6 +74,7 @@ impl Weights {
         for (name, view) in file.iter() {
             let array = match view.dtype() {
                 Dtype::I8 => Some(scaled(&file, name, &view)?),
+                Dtype::U16 => Some(whole_numbers(&view)),
                 _ => floats(&view).map(|values| Array {
                     shape: view.shape().to_vec(),
                     values,
@@ -83,7 +87,7 @@ impl Weights {
         Ok(Self::of(arrays))
     }
 
-    /// From names, shapes and row-major values.
+    /// Makes weights from names, shapes and row-major values.
     #[cfg(any(feature = "checkpoints", test))]
     pub(crate) fn from_arrays(
         arrays: impl IntoIterator<Item = (String, (Vec<usize>, Vec<f32>))>,
@@ -111,11 +115,11 @@ impl Weights {
         })
     }
 
-    /// Whether every number of every array can be a weight: finite, and of a magnitude that no training gives
-    /// but that products of some still hold.
+    /// Checks that every number of every array can be a weight: finite, and within ±1,000,000. No
+    /// training gives larger weights, and products of a few numbers within this limit stay finite.
     ///
     /// # Errors
-    /// `Weights` that names the array.
+    /// `Weights`, which names the first array with a number beyond the limit.
     pub fn check_range(&self) -> Result<()> {
         let mut names: Vec<&String> = self.arrays.keys().collect();
         names.sort();
@@ -136,7 +140,7 @@ impl Weights {
         }
     }
 
-    /// Whether an array of that name is there.
+    /// Whether there is an array with this name.
     pub fn contains(&self, name: &str) -> bool {
         self.arrays.contains_key(&self.full_name(name))
     }
@@ -144,8 +148,8 @@ impl Weights {
     /// An array of a known shape, values in row-major order.
     ///
     /// # Errors
-    /// `Weights` if it is missing, has another shape, or holds what is no weight: NaN, infinity, numbers beyond
-    /// ±1,000,000.
+    /// `Weights` if it is missing, has another shape, or holds a number that cannot be a weight:
+    /// NaN, infinity, or one beyond ±1,000,000.
     pub fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
         let full = self.full_name(name);
         let array = self.arrays.get(&full).ok_or_else(|| {
@@ -186,8 +190,22 @@ impl Weights {
     }
 }
 
-/// An array of 8-bit numbers times their scales, its last axis the first again. `quantised` in
-/// training/nn/checkpoint.py is the way back.
+/// Whole numbers from their zigzag codes: `2n` stands for `n`, and `2n + 1` for `−n − 1`. Small
+/// numbers of either sign have a high byte of 0, which takes no space in gzip. `zigzag` in
+/// training/nn/checkpoint.py is the inverse.
+fn whole_numbers(view: &TensorView<'_>) -> Array {
+    let codes = view.data().chunks_exact(2);
+    let codes = codes.map(|bytes| i32::from(u16::from_le_bytes([bytes[0], bytes[1]])));
+    Array {
+        shape: view.shape().to_vec(),
+        values: codes
+            .map(|code| ((code >> 1) ^ -(code & 1)) as f32)
+            .collect(),
+    }
+}
+
+/// Multiplies an array of 8-bit numbers by its scales and makes its last axis the first one again.
+/// `quantised` in training/nn/checkpoint.py is the inverse.
 fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<Array> {
     let expected = |what: String| Error::Weights(format!("{name}.scale: expected {what}"));
     let scales = file
@@ -271,7 +289,7 @@ mod tests {
         }
     }
 
-    /// A file with the 8-bit matrix `a.weight`, `[2, 3]`, beside such arrays.
+    /// Reads a file that holds the 8-bit matrix `a.weight`, `[2, 3]`, and the arrays in `others`.
     fn quantised(others: &[(&str, Dtype, &[u8])]) -> Result<Weights> {
         let eight = [127u8, 1, 0x81, 0, 2, 3]; // rows 127, -127, 2 and 1, 0, 3
         let matrix = TensorView::new(Dtype::I8, vec![3, 2], &eight).unwrap();
@@ -294,9 +312,9 @@ mod tests {
     }
 
     #[test]
-    fn eight_bit_numbers_are_read_as_training_reads_them() {
+    fn packed_numbers_are_read_as_training_reads_them() {
         let golden = Golden::open("eight_bits");
-        for name in ["matrix", "kernel"] {
+        for name in ["matrix", "kernel", "whole"] {
             let floats = format!("floats.{name}");
             let got = golden.weights().values(name, &golden.shape(&floats));
             let got = got.unwrap();
