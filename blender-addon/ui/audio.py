@@ -29,7 +29,7 @@ class AnyfaceAudio(PropertyGroup):
 
     channel: IntProperty(
         name="Channel",
-        description="Channel of the sequencer whose sound strips are one take",
+        description="All sound strips in this channel of the sequencer become one take",
         default=1,
         min=1,
         max=128,
@@ -38,22 +38,22 @@ class AnyfaceAudio(PropertyGroup):
     chosen: CollectionProperty(type=AnyfaceStrip)
     emotion_strip: StringProperty(
         name="Emotion Of",
-        description="Sound strip whose emotion this face shows, stretched to the length of its own "
-        "sound; empty for its own voice",
+        description="Sound strip that sets the emotion of this face, stretched to the length of "
+        "the spoken sound; empty uses the spoken voice itself",
         options=set(),
     )
     neutral_voice: StringProperty(
         name="Neutral Voice",
-        description="Recording in which the same person speaks neutrally, ten seconds or more: the "
-        "emotion of the voice is its difference from this. Empty compares it with people who read "
-        "aloud",
+        description="Recording of ten seconds or more in which the same person speaks neutrally. "
+        "The emotion of the voice is its difference from this recording; empty "
+        "compares it with people who read aloud",
         subtype="FILE_PATH",
         options=set(),
     )
     event_channel: IntProperty(
         name="Channel",
-        description="Channel of the sequencer whose text strips say what this face does beside its "
-        "speech; 0 is none",
+        description="Channel of the sequencer with text strips that say what this face does "
+        "besides speaking; 0 uses none",
         default=0,
         min=0,
         max=128,
@@ -68,7 +68,7 @@ class AnyfaceAudio(PropertyGroup):
     )
     marker_s: FloatProperty(
         name="Marker Length",
-        description="How long an event lasts that begins at a marker, where no marker ends it",
+        description="How long an event lasts after its marker if no other marker ends it",
         default=0.8,
         min=0.04,
         soft_max=4.0,

@@ -136,7 +136,7 @@ class ANYFACE_OT_add_parts(Acting, Operator):
 
 
 class ANYFACE_OT_drop_part(Acting, Operator):
-    """Take the part out of the face; the object itself stays"""
+    """Remove the part from the face; the object itself stays"""
 
     bl_idname = "anyface.drop_part"
     bl_label = "Remove Part"

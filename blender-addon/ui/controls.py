@@ -20,7 +20,9 @@ _KINDS = [(kind, kind.capitalize(), "") for kind in (control_sources.BONE, contr
 class AnyfaceControl(PropertyGroup):
     """A bone or a number that moves the face."""
 
-    use: BoolProperty(name="Use", description="Anyface may move it", default=True, options=set())
+    use: BoolProperty(
+        name="Use", description="Anyface may move this control", default=True, options=set()
+    )
     kind: EnumProperty(items=_KINDS, options=set())
     id_type: StringProperty(options=set())
     block: StringProperty(options=set())
@@ -34,7 +36,7 @@ class AnyfaceControls(PropertyGroup):
 
     rig: PointerProperty(
         name="Rig",
-        description="The armature whose bones move the face; empty takes that of the mesh",
+        description="The armature whose bones move the face; empty uses the armature of the mesh",
         type=Object,
         poll=lambda _self, ob: ob.type == "ARMATURE",
     )

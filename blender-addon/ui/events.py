@@ -82,14 +82,16 @@ def _when(ob, scene):
 
 
 class ANYFACE_OT_event_add(Acting, Operator):
-    """Let the face do something at the current frame: a text strip that may be moved, trimmed, \
-copied and renamed"""
+    """Add an action of the face at the current frame, as a text strip that you can move, trim, \
+copy and rename"""
 
     bl_idname = "anyface.event_add"
     bl_label = "Add Event"
 
     expression: EnumProperty(name="Expression", items=_EXPRESSIONS)
-    units: StringProperty(name="Units", description="Such as 12,6L, or words", default="12")
+    units: StringProperty(
+        name="Units", description="Action units such as 12,6L, or words", default="12"
+    )
     side: EnumProperty(name="Side", items=_SIDES, default="AS_IS")
     strength: FloatProperty(name="Strength", default=1.0, min=0.0, max=1.0, subtype="FACTOR")
 

@@ -15,8 +15,8 @@ _ENDINGS = {kind.ending for kind in export.KINDS.values()}
 
 
 class ANYFACE_OT_export(Alone, WithFile, Operator):
-    """Export the face with its motion for another program, with the settings that this needs: the \
-defaults of the FBX and USD menus leave the motion out"""
+    """Export the face with its motion for another program, with the right settings: the defaults \
+of the FBX and USD menus leave the motion out"""
 
     bl_idname = "anyface.export"
     bl_label = "Export Talking Head"
@@ -29,7 +29,7 @@ defaults of the FBX and USD menus leave the motion out"""
     kind: EnumProperty(name="Format", items=_KINDS, description="What the file is for")
     whole_scene: BoolProperty(
         name="Whole Scene",
-        description="Everything in the scene, not the face with its parts and its rig alone",
+        description="Export the whole scene, not only the face with its parts and its rig",
         default=False,
     )
 

@@ -19,8 +19,8 @@ WAYS = {
 
 
 class ANYFACE_OT_expression_keys(InThread, Operator):
-    """Add the 52 shapes of ARKit as shape keys of your own, to pose and animate by hand; sliders \
-of this object move its parts too"""
+    """Add the 52 ARKit shapes as shape keys that you pose and animate by hand; sliders of this \
+object move its parts too"""
 
     bl_idname = "anyface.expression_keys"
     bl_label = "Expression Keys"
@@ -28,7 +28,7 @@ of this object move its parts too"""
     cancelled = ""
     by: EnumProperty(
         name="By",
-        description="What makes the shapes",
+        description="The method that makes the shapes",
         items=[
             ("NETWORK", "By Network", "Nearest to true shapes, on any face"),
             ("FIELD", "By Field", "As FaceTalk's head moves, where one is like the face"),

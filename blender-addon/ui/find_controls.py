@@ -22,7 +22,8 @@ _PRESETS = [(name, name, "") for name in control_names.presets()]
 
 
 class ANYFACE_OT_controls_find(InThread, Operator):
-    """Try the bones of the rig, and what its drivers read, and list those that move the face"""
+    """Try the bones of the rig and the properties that its drivers read, and list those that move \
+the face"""
 
     bl_idname = "anyface.controls_find"
     bl_label = "Find Controls"
@@ -52,7 +53,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
 
 
 class ANYFACE_OT_controls_preset(Acting, Operator):
-    """Fill the list with the bones that have the names of this tool"""
+    """Fill the list with the bones that this tool names"""
 
     bl_idname = "anyface.controls_preset"
     bl_label = "Names"
@@ -98,7 +99,7 @@ class ANYFACE_OT_controls_save(ToFile, Operator):
 
 
 class ANYFACE_OT_controls_load(WithFile, Operator):
-    """Load the list from a JSON file; where the rig of the file is not here, this rig is used"""
+    """Load the list from a JSON file; if its rig is not in this scene, this rig is used"""
 
     bl_idname = "anyface.controls_load"
     bl_label = "Load Control List"

@@ -44,7 +44,7 @@ colours"""
 
 
 class ANYFACE_OT_heat_map_hide(Acting, Operator):
-    """Take the colours of the heat map away"""
+    """Remove the colours of the heat map"""
 
     bl_idname = "anyface.heat_map_hide"
     bl_label = "Hide Heat Map"

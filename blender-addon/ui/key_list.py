@@ -41,7 +41,7 @@ class ANYFACE_OT_mapping_find(OnList, Operator):
 
 
 class ANYFACE_OT_mapping_preset(OnList, Operator):
-    """Fill the list with the keys that have the names of this tool"""
+    """Fill the list with the keys that this tool names"""
 
     bl_idname = "anyface.mapping_preset"
     bl_label = "Names"
@@ -76,7 +76,7 @@ class ANYFACE_OT_mapping_add(OnList, Operator):
 
 
 class ANYFACE_OT_mapping_remove(OnList, Operator):
-    """Take the active row off the list"""
+    """Remove the active row from the list"""
 
     bl_idname = "anyface.mapping_remove"
     bl_label = "Remove Row"

@@ -89,13 +89,15 @@ class ANYFACE_OT_reset_landmarks(Acting, Operator):
 
 
 class ANYFACE_OT_move_landmark(Alone, Operator):
-    """Put one point elsewhere on the face; the others follow"""
+    """Move one point to another place on the face; the others follow"""
 
     bl_idname = "anyface.move_landmark"
     bl_label = "Move Face Point"
 
     number: IntProperty(name="Point", min=0, max=67)
-    place: FloatVectorProperty(name="Place", description="In the object's space", subtype="XYZ")
+    place: FloatVectorProperty(
+        name="Place", description="Position in the object's space", subtype="XYZ"
+    )
 
     def act(self, ob):
         """Puts the landmark on the nearest point of the surface and lets the others follow."""
@@ -175,7 +177,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
 
 
 class ANYFACE_OT_place_points(InView, Operator):
-    """Click five points of the face where it is not found: eyes, nose and mouth"""
+    """Click five points on the eyes, nose and mouth if the face was not found"""
 
     bl_idname = "anyface.place_points"
     bl_label = "Place Points"

@@ -38,24 +38,25 @@ class AnyfaceLife(PropertyGroup):
     )
     head: EnumProperty(name="Head Turns", items=_HEADS, default="NONE", options=set())
     head_object: PointerProperty(
-        name="Object", description="What turns with the head, about its origin", type=Object
+        name="Object",
+        description="Object that turns with the head, about its own origin",
+        type=Object,
     )
     head_armature: PointerProperty(name="Armature", type=Object, poll=_of("ARMATURE"))
     head_bone: StringProperty(name="Bone", description="The bone of the head", options=set())
     gaze: EnumProperty(name="Eyes Turn", items=_GAZES, default="PARTS", options=set())
     eye_right: PointerProperty(
-        name="Right Eye", description="Empty takes parts with the role gaze", type=Object
+        name="Right Eye", description="Empty uses the parts with the role gaze", type=Object
     )
     eye_left: PointerProperty(
-        name="Left Eye", description="Empty takes parts with the role gaze", type=Object
+        name="Left Eye", description="Empty uses the parts with the role gaze", type=Object
     )
     eye_armature: PointerProperty(name="Armature", type=Object, poll=_of("ARMATURE"))
     eye_bone_right: StringProperty(name="Right Eye", options=set())
     eye_bone_left: StringProperty(name="Left Eye", options=set())
     look_at: PointerProperty(
         name="Look At",
-        description="The eyes rest on this object, also where it moves, instead of on a partner "
-        "straight ahead",
+        description="The eyes follow this object, instead of a partner straight ahead",
         type=Object,
     )
 

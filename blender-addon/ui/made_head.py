@@ -21,11 +21,11 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     bl_idname = "anyface.add_head"
     bl_label = "Add a Head"
 
-    seed: IntProperty(name="Seed", description="Which random head", default=0, min=0)
+    seed: IntProperty(name="Seed", description="Seed of the random head", default=0, min=0)
     other: IntProperty(name="Mix With", description="Seed of a second head", default=1, min=0)
     share: FloatProperty(
         name="Mix",
-        description="How much of the second head; 0 is none of it",
+        description="Share of the second head; 0 leaves it out",
         default=0.0,
         min=0.0,
         max=1.0,
@@ -33,7 +33,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     )
     changes: FloatVectorProperty(
         name="Shape",
-        description="How far a slider is moved: age, sex, weight and other traits, then the "
+        description="Values of the sliders: age, sex, weight and other traits, then the "
         "directions in which heads differ",
         size=SLIDERS,
         default=(0.0,) * SLIDERS,
@@ -42,7 +42,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     )
     height: FloatProperty(
         name="Height",
-        description="Of head and neck; 0.35 m is that of a human",
+        description="Height of head and neck; a human's is 0.35 m",
         default=2.0,
         min=0.001,
         soft_max=10.0,
@@ -75,7 +75,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
 
 
 class ANYFACE_OT_head_like(InThread, Operator):
-    """Make a closed head like this face, ready to speak, beside the mesh, which stays as it is"""
+    """Make a closed head like this face, ready to speak; the mesh itself stays as it is"""
 
     bl_idname = "anyface.head_like"
     bl_label = "Head from This Mesh"

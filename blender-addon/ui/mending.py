@@ -94,7 +94,7 @@ def draw(layout, ob, width: int) -> None:
 
 
 class ANYFACE_OT_mend(Alone, Operator):
-    """Mend what the report says"""
+    """Fix the problem that the report names"""
 
     bl_idname = "anyface.mend"
     bl_label = "Mend"

@@ -69,7 +69,7 @@ class ANYFACE_OT_emotion_add(OnList, Operator):
 
 
 class ANYFACE_OT_emotion_remove(OnList, Operator):
-    """Take this emotion out of the mixture"""
+    """Remove this emotion from the mixture"""
 
     bl_idname = "anyface.emotion_remove"
     bl_label = "Remove Emotion"
@@ -105,7 +105,7 @@ def _drop_curves(ob, number: int, count: int) -> None:
 
 
 class ANYFACE_OT_emotion_mixture(OnList, Operator):
-    """Fill the emotions with this mixture"""
+    """Set the emotions to this mixture"""
 
     bl_idname = "anyface.emotion_mixture"
     bl_label = "Mixture"

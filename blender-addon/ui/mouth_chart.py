@@ -40,7 +40,9 @@ def _find(stored, _context=None) -> None:
 class AnyfaceDrawing(PropertyGroup):
     """A row of the list: `name` is the mouth, `drawing` names a shape key or an object."""
 
-    drawing: StringProperty(name="Drawing", description="What shows this mouth", options=set())
+    drawing: StringProperty(
+        name="Drawing", description="Shape key or object that shows this mouth", options=set()
+    )
     number: IntProperty(
         name="Number", description="The frame or index that shows this mouth", options=set()
     )
@@ -53,7 +55,7 @@ class AnyfaceMouthChart(PropertyGroup):
     output: EnumProperty(name="Shown By", items=_OUTPUTS, options=set(), update=_find)
     on: IntProperty(
         name="Change Every",
-        description="Mouths change at every so many frames: 2 for poses on twos",
+        description="Mouths change only on every Nth frame; 2 puts poses on twos",
         default=1,
         min=1,
         soft_max=4,
@@ -62,7 +64,7 @@ class AnyfaceMouthChart(PropertyGroup):
     )
     hold: IntProperty(
         name="Shortest Hold",
-        description="The fewest frames for which a mouth stands",
+        description="The fewest frames for which a mouth is shown",
         default=2,
         min=1,
         soft_max=12,
@@ -71,7 +73,7 @@ class AnyfaceMouthChart(PropertyGroup):
     )
     hold_closures: IntProperty(
         name="of Closed Lips",
-        description="The fewest frames for p, b and m; 0 takes Shortest Hold",
+        description="The fewest frames for p, b and m; 0 uses Shortest Hold",
         min=0,
         soft_max=12,
         max=240,
@@ -79,7 +81,7 @@ class AnyfaceMouthChart(PropertyGroup):
     )
     hold_vowels: IntProperty(
         name="of Vowels",
-        description="The fewest frames for open mouths; 0 takes Shortest Hold",
+        description="The fewest frames for open mouths; 0 uses Shortest Hold",
         min=0,
         soft_max=12,
         max=240,
@@ -87,13 +89,13 @@ class AnyfaceMouthChart(PropertyGroup):
     )
     object: PointerProperty(
         name="Object",
-        description="What has the drawn mouths; empty takes the face itself",
+        description="Object that has the drawn mouths; empty uses the face itself",
         type=bpy.types.Object,
         update=_find,
     )
     collection: PointerProperty(
         name="Collection",
-        description="Its objects are the drawn mouths",
+        description="Collection whose objects are the drawn mouths",
         type=bpy.types.Collection,
         update=_find,
     )
@@ -209,7 +211,7 @@ of an earlier chart are replaced; yours are not touched"""
 
 
 class ANYFACE_OT_mouth_chart_remove(OfSpeaker, Operator):
-    """Take the keyframes of the mouth chart away; what it moved stands as before"""
+    """Remove the keyframes of the mouth chart; everything that it moved goes back to its place"""
 
     bl_idname = "anyface.mouth_chart_remove"
     bl_label = "Remove Mouth Chart"

@@ -29,8 +29,7 @@ class AnyfaceMapping(PropertyGroup):
     key: StringProperty(name="Key", description="The shape key of this mesh", options=set())
     factor: FloatProperty(
         name="Share",
-        description="Where the key stands when the shape is at 1; shares of several shapes on one "
-        "key add up",
+        description="Value of the key when the shape is at 1; several shapes on one key add up",
         default=1.0,
         min=0.0,
         soft_max=1.0,
@@ -62,13 +61,13 @@ class AnyfaceOutput(PropertyGroup):
 
     cache_folder: StringProperty(
         name="Folder",
-        description="Where the cache goes; empty takes anyface_cache beside the .blend",
+        description="Folder of the cache; empty uses anyface_cache beside the .blend",
         subtype="DIR_PATH",
         options=set(),
     )
     csv_file: StringProperty(
         name="Table",
-        description="The CSV file; empty takes the object's name beside the .blend",
+        description="Path of the CSV file; empty uses the object's name, beside the .blend",
         subtype="FILE_PATH",
         options=set(),
     )

@@ -21,7 +21,7 @@ class AnyfacePreferences(AddonPreferences):
 
     threads: IntProperty(
         name="Threads",
-        description="Worker threads; 0 takes one per core. Used from the next start on",
+        description="Worker threads; 0 uses one per core. A change takes effect at the next start",
         default=0,
         min=0,
         max=256,
@@ -29,16 +29,16 @@ class AnyfacePreferences(AddonPreferences):
 
     model_folder: StringProperty(
         name="Model Folder",
-        description="Models of yours that speak instead of the built-in ones; a scene may name "
-        "another one",
+        description="Folder of your own models, used instead of the built-in ones; a scene can "
+        "name another folder",
         subtype="DIR_PATH",
     )
 
     emotion_model: StringProperty(
         name="Emotion Model",
-        description="Folder of Whisper base (openai/whisper-base), or of a classifier of emotions "
-        "on HuBERT or wav2vec2, as Hugging Face has it, that hears the emotion From the Voice; "
-        "empty takes the built-in one",
+        description="Folder of a model that hears the emotion From the Voice: Whisper base "
+        "(openai/whisper-base), or an emotion classifier on HuBERT or wav2vec2, as "
+        "Hugging Face has them; empty uses the built-in one",
         subtype="DIR_PATH",
     )
 
@@ -51,15 +51,15 @@ class AnyfacePreferences(AddonPreferences):
 
     microphone: StringProperty(
         name="Microphone",
-        description="Device that Live Microphone listens to, or a part of its name; empty takes "
-        "the system's choice",
+        description="Name of the device that Live Microphone records, or a part of it; empty "
+        "uses the system's default",
         search=lambda _self, _context, _text: _microphones(),
     )
 
     look_ahead: EnumProperty(
         name="Microphone Delay",
-        description="How much of what comes next Live Microphone hears before the face shows it. "
-        "FreeTalk can do with less: the face is then earlier, and less certain of what is said",
+        description="How far Live Microphone listens ahead before the face shows a sound. "
+        "FreeTalk allows less: the face then reacts sooner but is less certain",
         items=[
             ("0.19", "0.2 s", "Lips close in time"),
             ("0.07", "0.07 s", "Lips close in time, but also where they should not"),

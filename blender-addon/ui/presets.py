@@ -131,7 +131,7 @@ class ANYFACE_OT_preset_delete(Acting, Operator):
 
 
 class ANYFACE_OT_preset_import(WithFile, Operator):
-    """Take a preset's file into your presets and apply it"""
+    """Add a preset from a file to your presets and apply it"""
 
     bl_idname = "anyface.preset_import"
     bl_label = "Import Preset"

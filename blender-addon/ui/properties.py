@@ -135,15 +135,15 @@ class AnyfaceCharacter(PropertyGroup):
     mixed: StringProperty(get=mixture.text, set=mixture.fill, options={"HIDDEN", "SKIP_SAVE"})
     style: StringProperty(
         name="Speaker",
-        description="Whose way of speaking, by name; empty takes the default",
+        description="Name of the speaker whose style the face copies; empty uses the default",
         options=set(),
     )
     seed: IntProperty(
-        name="Seed", description="Another seed, another take", default=0, min=0, options=set()
+        name="Seed", description="Each seed gives another take", default=0, min=0, options=set()
     )
     fps: FloatProperty(
         name="Frame Rate",
-        description="Frames per second of the keys; 0 takes that of the scene",
+        description="Frames per second of the keys; 0 uses the scene's frame rate",
         default=0.0,
         min=0.0,
         max=240.0,
@@ -152,7 +152,7 @@ class AnyfaceCharacter(PropertyGroup):
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
         name="Emotion as a Layer",
-        description="Emotion and speech get keys of their own. Those of emotion act where the "
+        description="Put emotion and speech on separate keys. The keys of emotion act where the "
         "vertex group Emotion Mask is painted, and follow the slider of the emotion",
         default=True,
         options=set(),
@@ -203,12 +203,12 @@ class AnyfaceCharacter(PropertyGroup):
         precision=2,
         options=set(),
     )
-    pose_on: _frames("Change Every", "Poses change at every so many frames", 1)
+    pose_on: _frames("Change Every", "Poses change only on every Nth frame", 1)
     pose_closures: _frames("Closed Lips", "The fewest frames for which lips stay closed", 0)
     pose_vowels: _frames("Vowels", "The fewest frames for which a wide-open mouth stands", 0)
     axes: EnumProperty(
         name="Face Direction",
-        description="Which way the head faces when the face is searched for",
+        description="Direction in which the head faces, for finding the face",
         items=_AXES,
         default="AUTO",
         options=set(),
@@ -245,14 +245,14 @@ class AnyfaceScene(PropertyGroup):
 
     character: PointerProperty(
         name="Face",
-        description="The face mesh; empty takes the active object",
+        description="The face mesh; empty uses the active object",
         type=bpy.types.Object,
         poll=lambda _self, ob: ob.type == "MESH",
     )
     model_folder: StringProperty(
         name="Model Folder",
-        description="Models of yours that speak in this scene; empty takes the folder of the "
-        "preferences, or the built-in ones",
+        description="Folder of your own models for this scene; empty uses the folder in the "
+        "preferences, or the built-in models",
         subtype="DIR_PATH",
         options=set(),
     )
@@ -260,7 +260,7 @@ class AnyfaceScene(PropertyGroup):
     texts: CollectionProperty(type=texts.AnyfaceText, options={"HIDDEN"})
     text: StringProperty(
         name="Text",
-        description="The words that are said in the sound of the character: Show Sounds shows when",
+        description="The words spoken in the character's sound; Show Sounds shows when",
         get=texts.get,
         set=texts.put,
         options=set(),

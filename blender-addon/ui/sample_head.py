@@ -26,7 +26,7 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
     character: EnumProperty(name="Character", description="Which head", items=_ITEMS, default=PLAIN)
     height: FloatProperty(
         name="Height",
-        description="Of head and shoulders; 0.38 m is that of a human",
+        description="Height of head and shoulders; a human's is 0.38 m",
         default=2.0,
         min=0.001,
         soft_max=10.0,

@@ -17,10 +17,10 @@ from .target import sequencer_scene
 class AnyfaceSceneRow(PropertyGroup):
     """One character of the scene."""
 
-    use: BoolProperty(name="Use", description="Animate this one", default=True, options=set())
+    use: BoolProperty(name="Use", description="Animate this character", default=True, options=set())
     strip: StringProperty(
         name="Strip",
-        description="Empty takes the sound of the character's own panel",
+        description="Empty uses the sound set in the character's own panel",
         options=set(),
     )
     character: PointerProperty(
@@ -99,7 +99,7 @@ def _speaker(strip: str, scene):
 
 
 class ANYFACE_OT_scene_row_remove(Operator):
-    """Take this row off the list; the character stays as it is"""
+    """Remove this row from the list; the character itself stays"""
 
     bl_idname = "anyface.scene_row_remove"
     bl_label = "Remove Row"

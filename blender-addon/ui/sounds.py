@@ -51,8 +51,8 @@ def _listen(source, engine, text: str, progress) -> tuple:
 
 
 class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
-    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo \
-Stretch. Above them stand the words of the text"""
+    """Show where the lips close (p, b, m) as text strips. Move, delete, copy or rename them, then \
+use Redo Stretch. The words of the text are shown above"""
 
     bl_idname = "anyface.sounds_show"
     bl_label = "Show Sounds"
@@ -96,7 +96,7 @@ class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
 
 
 class ANYFACE_OT_redo(WithSound, InThread, Operator):
-    """Make the take anew between two markers, or in the preview range; the rest of it stays"""
+    """Redo the take between two markers, or in the preview range; the rest stays"""
 
     bl_idname = "anyface.redo"
     bl_label = "Redo Stretch"

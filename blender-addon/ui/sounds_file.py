@@ -37,7 +37,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         default=";".join(f"*{kind[0]}" for kind in _KINDS), options={"HIDDEN"}
     )
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    kind: EnumProperty(name="Kind", items=_KINDS, description="Whose file it is")
+    kind: EnumProperty(name="Kind", items=_KINDS, description="The program that the file is for")
 
     def invoke(self, context, event):
         """Opens the file browser with the name of the .blend."""

@@ -36,7 +36,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
 
 
 class ANYFACE_OT_take_keep(Alone, Operator):
-    """Keep the take that plays in the list; the next one goes beside it"""
+    """Keep this take in the list; the next one is added beside it"""
 
     bl_idname = "anyface.take_keep"
     bl_label = "Keep Take"
