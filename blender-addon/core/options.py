@@ -17,14 +17,16 @@ def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
     tasks = top.add_subparsers(dest="task", required=True)
     for name, (text, add, saves) in _TASKS.items():
         task = tasks.add_parser(name, help=text)
-        task.add_argument("--file", metavar="FILE", help="open this .blend first")
+        task.add_argument("--file", metavar="FILE", help="open this .blend before the task")
         add(task, modes)
         task.add_argument("--save", required=saves, metavar="FILE", help="the .blend to write")
-        task.add_argument("--report", metavar="FILE", help="write what was done as JSON")
-        task.add_argument("--quiet", action="store_true", help="do not tell how far it is")
-    batch = tasks.add_parser("batch", help="many shots, in processes here or on other machines")
+        task.add_argument("--report", metavar="FILE", help="write a report as JSON")
+        task.add_argument("--quiet", action="store_true", help="print no progress")
+    batch = tasks.add_parser(
+        "batch", help="animate many shots, in processes here or on other machines"
+    )
     add_batch(batch)
-    tasks.add_parser("shot", help="one shot of a batch, read from standard input")
+    tasks.add_parser("shot", help="animate one shot of a batch, read from standard input")
     return top
 
 
@@ -79,7 +81,7 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument("--start", type=int, metavar="FRAME", help="first frame of --audio")
     task.add_argument("--scene", help="name of the scene (default: the active one)")
     task.add_argument(
-        "--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; auto-arousal; off"
+        "--emotion", metavar="NAME:X[,…]", help="for example happy:0.7; or auto, auto-arousal, off"
     )
     task.add_argument("--mode", help=modes)
     task.add_argument("--error", type=real, metavar="MM", help="largest error of basis keys")
@@ -94,7 +96,9 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
         metavar="FILE",
         help="a recording in which the same person speaks neutrally",
     )
-    task.add_argument("--events", metavar="FILE", help="JSON, instead of strips and markers")
+    task.add_argument(
+        "--events", metavar="FILE", help="JSON file of events, used instead of strips and markers"
+    )
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
     _add_controls(task)
@@ -113,15 +117,17 @@ def _add_controls(task: argparse.ArgumentParser) -> None:
 def _add_rig(task: argparse.ArgumentParser, _modes: str) -> None:
     """Options of the shapes."""
     _add_face(task)
-    task.add_argument("--visemes", action="store_true", help="the 15 Oculus visemes too")
+    task.add_argument("--visemes", action="store_true", help="make the 15 Oculus visemes as well")
     task.add_argument(
         "--by",
         choices=("network", "field"),
         default="network",
-        help="what moves the skin; field: that of a FaceTalk head that is like the face",
+        help="what moves the skin; field: the field of the FaceTalk head most like the face",
     )
     task.add_argument(
-        "--in-betweens", action="store_true", help="NAME_half at weight 0.5 too, with --by field"
+        "--in-betweens",
+        action="store_true",
+        help="with --by field: add NAME_half, the shape at weight 0.5",
     )
 
 
@@ -139,7 +145,9 @@ def _add_face(task: argparse.ArgumentParser) -> None:
 def _add_object(task: argparse.ArgumentParser) -> None:
     task.add_argument("--object", required=True, help="name of the face's object")
     task.add_argument(
-        "--weights", metavar="FOLDER", help="models of yours; default: the scene's, or yours"
+        "--weights",
+        metavar="FOLDER",
+        help="your own models; default: those of the scene or the preferences",
     )
 
 
@@ -147,40 +155,59 @@ def add_batch(task: argparse.ArgumentParser) -> None:
     """Options of many shots at once."""
     task.add_argument("jobs", help="the JSON file that lists the shots")
     task.add_argument(
-        "--rows", type=rows, metavar="A-B", help="only these rows of the file, from 1 to its last"
+        "--rows", type=rows, metavar="A-B", help="only these rows of the file, counted from 1"
     )
     task.add_argument("--workers", type=int, default=1, help="processes on this machine")
     task.add_argument(
-        "--chunk", type=int, default=20, metavar="N", help="shots that one Blender does in a row"
+        "--chunk",
+        type=int,
+        default=20,
+        metavar="N",
+        help="shots that one Blender animates before it restarts",
     )
-    task.add_argument("--scheduler", metavar="tcp://…", help="a Dask scheduler: its workers do it")
-    task.add_argument("--connect", type=real, default=30.0, metavar="S", help="wait for it")
+    task.add_argument(
+        "--scheduler", metavar="tcp://…", help="a Dask scheduler, whose workers animate the shots"
+    )
+    task.add_argument(
+        "--connect", type=real, default=30.0, metavar="S", help="seconds to wait for the scheduler"
+    )
     task.add_argument("--reports", metavar="FOLDER", help="default: beside the jobs file")
-    task.add_argument("--blender", metavar="FILE", help="the Blender that does the shots")
-    task.add_argument("--retries", type=int, default=1, help="new tries after a crash")
-    task.add_argument("--timeout", type=real, metavar="S", help="seconds that a shot may take")
-    task.add_argument("--again", action="store_true", help="finished shots too")
+    task.add_argument("--blender", metavar="FILE", help="the Blender that animates the shots")
+    task.add_argument(
+        "--retries", type=int, default=1, help="how often a shot is tried again after a crash"
+    )
+    task.add_argument("--timeout", type=real, metavar="S", help="most seconds for one shot")
+    task.add_argument("--again", action="store_true", help="animate finished shots again")
     task.add_argument(
         "--map",
         action="append",
         default=[],
         metavar="FROM=TO",
-        help="a folder that has another name on this machine; may be repeated",
+        help="a folder that has another path on this machine; may be repeated",
     )
-    task.add_argument("--dry-run", action="store_true", help="say what is left, do nothing")
-    task.add_argument("--sum", action="store_true", help="only write the page of all reports")
+    task.add_argument("--dry-run", action="store_true", help="print what is left and do nothing")
+    task.add_argument(
+        "--sum", action="store_true", help="only write the summary page of all reports"
+    )
     _add_export(task)
 
 
 def _add_export(task: argparse.ArgumentParser) -> None:
     """Options of a batch that a farm's engine runs, with `--chunk` rows in each task."""
-    export = task.add_argument_group("export", "what a farm's engine runs, instead of running it")
-    export.add_argument("--export", choices=("flamenco", "openjd", "slurm", "opencue"))
-    export.add_argument("--out", metavar="FOLDER", help="where; default: beside the jobs file")
-    export.add_argument(
-        "--memory", type=real, metavar="GB", help="of a task; default: by earlier reports"
+    export = task.add_argument_group(
+        "export", "write a job for a render farm instead of running the batch"
     )
-    export.add_argument("--cores", type=int, metavar="N", help="of a task")
+    export.add_argument("--export", choices=("flamenco", "openjd", "slurm", "opencue"))
+    export.add_argument(
+        "--out", metavar="FOLDER", help="folder of the job; default: beside the jobs file"
+    )
+    export.add_argument(
+        "--memory",
+        type=real,
+        metavar="GB",
+        help="memory of a task; default: estimated from earlier reports",
+    )
+    export.add_argument("--cores", type=int, metavar="N", help="cores of a task")
 
 
 # Tasks on one open file: help, the function that adds options, whether --save is required.

@@ -40,7 +40,7 @@ _EMOTION_SOURCES = [
     (
         "VOICE",
         "From the Voice",
-        "The emotion that is heard: anger, joy, fear, sadness, disgust, calm; none if uncertain",
+        "The emotion in the voice: anger, joy, fear, sadness, disgust, calm; none if uncertain",
         1,
     ),
     (

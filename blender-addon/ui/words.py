@@ -33,19 +33,22 @@ _CONTROLS = {
         "Variety",
         "How much takes of different seeds differ; lips that close stay closed",
     ),
-    "steps": ("Quality Steps", "More are slower and hardly better; 0 takes what suits"),
+    "steps": (
+        "Quality Steps",
+        "More steps are slower and hardly better; 0 uses the model's own number",
+    ),
     "learned": (
         "Fine Detail",
-        "Folds and bulges as they were seen on other faces; 0 moves the skin evenly",
+        "Folds and bulges learned from other faces; 0 moves the skin evenly",
     ),
     "emotion_from": (
         "Emotion Follows",
-        "Voice: the emotion that you chose, else the one that is heard; Emotion: the one that you "
-        "chose, also where that is neutral; Off: none",
+        "Voice: the emotion that you chose, or else the one in the voice; Emotion: always the one "
+        "that you chose, even neutral; Off: no emotion",
     ),
     "decoder": (
         "Method",
-        "Static works out once how this face moves; paper does so for every frame, slowly",
+        "Static computes once how this face moves; paper computes it for every frame and is slow",
     ),
 }
 
