@@ -6,6 +6,7 @@ tests are ignored. `ANYFACE_COMMAND` is the command of this machine.
 """
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -22,6 +23,7 @@ from common import RATE_HZ, ROOT, write_wav
 
 SHARED = Path(os.environ.get("ANYFACE_SHARED", ROOT / "../shared"))
 HEAD = ROOT / "weights/shared/default_head"
+HEADER = ROOT / "include/anyface.h"
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
 RUNNER, BUILT = os.environ.get("ANYFACE_RUNNER", "").split(), os.environ.get("ANYFACE_BUILT", "")
 IS_WINDOWS = Path(BUILT, "anyface.exe").is_file()
@@ -187,7 +189,10 @@ def compiled(source, folder, *more):
     library = f"{BUILT}/anyface.dll.lib" if IS_WINDOWS else f"{BUILT}/{LIBRARY}"
     words = ["-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{ROOT}/include", source, *more]
     run([COMPILER, *words, "-o", program, library, "-lm"])
-    shutil.copy(f"{BUILT}/{LIBRARY}", folder)
+    # On Linux a program looks for the name with the interface's version.
+    version = re.search(r"ANYFACE_ABI_VERSION (\d+)", HEADER.read_text(encoding="utf-8"))[1]
+    name = LIBRARY if IS_WINDOWS else f"{LIBRARY}.{version}"
+    shutil.copy(f"{BUILT}/{LIBRARY}", folder / name)
     return program
 
 
