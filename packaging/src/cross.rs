@@ -45,7 +45,11 @@ pub const LINUX_ARM64: Target = Target {
     standard_library: UNWIND,
     linker: Some("aarch64-linux-gnu-gcc"),
     // Debian only recommends the C library's headers beside the compiler.
-    packages: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross", "qemu-user"],
+    packages: &[
+        "gcc-aarch64-linux-gnu",
+        "libc6-dev-arm64-cross",
+        "qemu-user",
+    ],
 };
 
 /// macOS on Apple's processors.
