@@ -102,7 +102,7 @@ impl AnyfaceMotion {
     pub(crate) fn spoken(&self) -> Result<&Performance, Failure> {
         self.performance().ok_or_else(|| {
             Failure::invalid(
-                "motion: expected motion that was spoken, got one that was given or redone",
+                "motion: expected motion of a sound, got motion of the caller or a stretch that was made again",
             )
         })
     }
@@ -478,7 +478,7 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
         let is_imported =
             |motion: &AnyfaceMotion| matches!(motion.source, MotionSource::Imported(..));
         if is_imported(motion) || is_imported(again) {
-            let message = "motion: expected motion that was spoken, got the caller's own";
+            let message = "motion: expected motion of a sound, got motion of the caller";
             return Err(Failure::invalid(message));
         }
         let stretch = Stretch::new(start_s, end_s)?;

@@ -79,7 +79,7 @@ impl MakeRig {
         let form = self.form()?;
         if self.in_betweens && self.by == By::Network {
             return Err(Error::InvalidInput(
-                "--in-betweens: expected --by field, got shapes by the network, which lie halfway at half their weight"
+                "--in-betweens: expected --by field, got shapes by the network, which move on straight lines"
                     .to_owned(),
             ));
         }

@@ -136,7 +136,7 @@ fn check(request: &Request, response: Response) -> Result<Response, ErrorRespons
     if origin.is_none_or(|origin| origin.to_str().is_ok_and(is_ours)) {
         return Ok(response);
     }
-    let mut refusal = ErrorResponse::new(Some("expected a page of this machine".to_owned()));
+    let mut refusal = ErrorResponse::new(Some("expected a page from this machine".to_owned()));
     *refusal.status_mut() = StatusCode::FORBIDDEN;
     Err(refusal)
 }

@@ -66,7 +66,7 @@ pub fn by_name(frame: &WeightFrame) -> VarDictionary {
 /// `jawOpen`, finds those named like visemes instead.
 fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
     let array = mesh.get_mesh().and_then(|m| m.try_cast::<ArrayMesh>().ok());
-    let array = array.ok_or("mesh: expected one with blend shapes, got none")?;
+    let array = array.ok_or("mesh: expected one with blend shapes, got another")?;
     let names_of_mesh: Vec<String> = (0..array.get_blend_shape_count())
         .map(|place| array.get_blend_shape_name(place).to_string())
         .collect();

@@ -192,7 +192,7 @@ fn decoded(sound: &Gd<AudioStream>) -> Result<Waveform, String> {
         ));
     }
     let playback = sound.clone().instantiate_playback();
-    let mut playback = playback.ok_or("sound: expected one that can be played, got none")?;
+    let mut playback = playback.ok_or("sound: expected one that Godot can play, got another")?;
     playback.start();
     let count = (length_s * f64::from(rate_hz)).ceil() as i32;
     let stereo = playback.mix_audio(1.0, count);

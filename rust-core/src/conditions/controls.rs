@@ -254,8 +254,8 @@ impl ControlCurve {
         if !self.keys.is_empty() && !control.is_animatable {
             return wrong("expected one number for the whole time, got keys".into());
         }
-        if self.keys.iter().any(|(time_s, _)| !time_s.is_finite()) {
-            return wrong("expected finite times, got one that is not".into());
+        if let Some((time_s, _)) = self.keys.iter().find(|(time_s, _)| !time_s.is_finite()) {
+            return wrong(format!("expected finite times, got {time_s}"));
         }
         if let Some(pair) = self.keys.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             let (first, second) = (pair[0].0, pair[1].0);

@@ -114,7 +114,7 @@ impl Event {
         let complaint = if !(start >= 0.0 && start < end && end.is_finite()) {
             format!("slot: expected two rising times from 0 s, got {start} to {end} s")
         } else if self.units.is_empty() {
-            "units: expected one at least, got none".to_owned()
+            "units: expected at least one, got none".to_owned()
         } else if let Some((unit, _)) = self
             .units
             .iter()

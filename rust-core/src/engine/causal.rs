@@ -78,7 +78,7 @@ impl Engine {
         let problem = if let Some(style) = &request.style {
             format!("no style, got {style:?}")
         } else if matches!(request.emotion, EmotionCurve::Auto | EmotionCurve::Arousal) {
-            "an emotion that is given, got one from the voice, which needs the whole sound".into()
+            "an emotion by name, got one from the voice, which needs the whole sound".into()
         } else if !request.controls.ask_nothing(known) {
             format!("no controls, got {:?}", request.controls)
         } else {

@@ -347,7 +347,7 @@ impl Engine {
         let field = HeadOnMesh::new(Arc::clone(&head), face, reach, &self.cache, progress)?;
         let field = field.map_err(|complaint| {
             let expected =
-                "rig: expected a face that a head of the model is like, by whose field it moves";
+                "rig: expected a face that is like a head of the model, whose field makes the shapes";
             Error::InvalidInput(format!("{expected}: {complaint}"))
         })?;
         let deformer = self.static_deformer(face, 1.0, progress)?;
@@ -560,7 +560,7 @@ impl Engine {
             let names: Vec<&str> = names.copied().collect();
             let names = names.join(", ");
             let message =
-                format!("attention: expected a decoder that has one ({names}), got one without");
+                format!("attention: expected a decoder with attention ({names}), got one without");
             Error::InvalidInput(message)
         })?;
         check_result("attention", shares.view().into_dyn())?;

@@ -223,7 +223,7 @@ impl Engine {
         };
         match (&self.user_ear, voice.sound()) {
             (Some(UserEar::Classifier(_)), _) => Err(Error::InvalidInput(
-                "neutral voice: expected the built-in ear or Whisper, got a classifier of emotions, which hears no neutral voice"
+                "neutral voice: expected the built-in ear or Whisper, got a classifier of emotions, which cannot use a neutral voice"
                     .into(),
             )),
             (Some(UserEar::Whisper(ear)), Some(sound)) => {

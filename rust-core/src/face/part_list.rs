@@ -78,7 +78,7 @@ impl PartList {
             .collect();
         if !is_skin.contains(&true) {
             return Err(Error::Mesh(
-                "expected a part that is skin, got another role for each that carries landmarks"
+                "expected the role skin for a part that carries landmarks, got other roles for all of them"
                     .into(),
             ));
         }

@@ -72,7 +72,9 @@ fn pull(places: &Mover<'_>, rest_code: &[f32], rest: &[[f32; 3]]) -> Result<Mat<
         normal[(x, x)] += DAMPING * mean;
     }
     let factors = normal.llt(Side::Lower).map_err(|_| {
-        Error::Numerics("codes that landmarks lead: expected a positive matrix, got none".into())
+        Error::Numerics(
+            "codes of landmarks: expected a positive definite matrix, got another".into(),
+        )
     })?;
     Ok(factors.solve(jacobian.transpose()))
 }

@@ -51,7 +51,7 @@ impl Mesh {
         if let Some(first) = self.positions.iter().position(is_bad) {
             let bad = self.positions.iter().filter(|p| is_bad(p)).count();
             return Err(Error::Mesh(format!(
-                "expected finite positions, got {bad} of {vertices} that are not, first vertex {first} at {:?}",
+                "expected finite positions, got NaN or infinity at {bad} of {vertices} vertices, the first is vertex {first} at {:?}",
                 self.positions[first]
             )));
         }
@@ -182,7 +182,7 @@ mod tests {
         faceless.triangles.clear();
         for (mesh, expected) in [
             (Mesh::default(), "expected vertices, got none"),
-            (nan, "got 2 of 4 that are not, first vertex 1"),
+            (nan, "at 2 of 4 vertices, the first is vertex 1"),
             (
                 beyond,
                 "face 2: expected vertex numbers below 4, got [0, 1, 4]",

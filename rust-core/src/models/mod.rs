@@ -146,7 +146,7 @@ impl BuiltIn {
         Weights::from_bytes(&bytes)?.check_range()?;
         let is_new = self.packed.is_empty() && self.fetched.set(packed).is_ok();
         is_new.then_some(()).ok_or_else(|| {
-            let expected = "expected weights that are not here yet, got them a second time";
+            let expected = "expected weights that are not loaded yet, got them a second time";
             Error::InvalidInput(format!("{}: {expected}", self.name))
         })
     }
@@ -161,7 +161,7 @@ impl BuiltIn {
 
     fn no_feature(&self) -> Error {
         Error::Weights(format!(
-            "{}: expected a folder of models that holds it, as this build was made without the feature of its system",
+            "{}: expected a folder of models with this one, since this build lacks the feature of its system",
             self.name
         ))
     }
@@ -180,7 +180,7 @@ impl BuiltIn {
             Some(place) => ModelFiles::read(&place),
             None if self.config.is_empty() => Err(self.no_feature()),
             None if self.shipped().is_empty() => Err(Error::Weights(format!(
-                "{0}: expected its weights, which this build does not hold; fetch {0}/{PACKED} and hand it over first",
+                "{0}: expected its weights, which this build does not contain; fetch {0}/{PACKED} and pass it to take_fetched first",
                 self.name
             ))),
             None => Ok(ModelFiles {

@@ -135,7 +135,9 @@ fn mdd(bytes: &[u8], mesh: &Mesh) -> Result<VertexMotion> {
         let four = bytes
             .get(at..at + 4)
             .map(|b| b.try_into().expect("four bytes"));
-        four.ok_or_else(|| Error::InvalidInput("expected an mdd header, got its beginning".into()))
+        four.ok_or_else(|| {
+            Error::InvalidInput("expected an MDD header, got a file that ends within it".into())
+        })
     };
     let frames = u32::from_be_bytes(number(0)?) as usize;
     check(

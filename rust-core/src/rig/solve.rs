@@ -370,7 +370,7 @@ impl Problem {
         let unit = gram.diag().sum() / shapes.max(1) as f64;
         if !(unit.is_finite() && unit > 0.0) {
             return Err(Error::InvalidInput(
-                "rig: expected shapes that move, got none that does".into(),
+                "rig: expected shapes that move the face, got none".into(),
             ));
         }
         gram /= unit;

@@ -556,7 +556,7 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     let by_field = ShapeSource::Field { in_betweens: false };
     let refused = ENGINE.rig(&face, by_field, SILENT).unwrap_err();
     assert!(
-        refused.to_string().contains("a head of the model is like"),
+        refused.to_string().contains("is like a head of the model"),
         "{refused}"
     );
 }

@@ -64,7 +64,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
     let mouth = Mouth::of(mesh, landmarks);
     if mouth != Mouth::Welded {
         return Err(Error::InvalidInput(format!(
-            "open mouth: expected lips that are one surface, got some that part already ({})",
+            "open mouth: expected lips that are one surface, got lips that part already ({})",
             mouth.name()
         )));
     }
@@ -86,7 +86,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
         find_line(Sewing::Seams).or_else(|_| find_line(Sewing::Places))?;
     if line.len() < LEAST_VERTICES {
         return Err(Error::Mesh(
-            "expected triangles smaller than the mouth, got one as wide as it".into(),
+            "expected triangles smaller than the mouth, got one as wide as the mouth".into(),
         ));
     }
     let above = |p: DVec3| p[1] - seam.height(p[0]);

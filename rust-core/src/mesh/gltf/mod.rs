@@ -84,7 +84,7 @@ fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
         .find(|name| !UNDERSTOOD.iter().any(|known| name.starts_with(known)))
     {
         return Err(refusal(format!(
-            "the file needs {unknown}, which is not read"
+            "the file needs the extension {unknown}, which Anyface does not read"
         )));
     }
     let data = Data::new(&document, binary)?;
@@ -244,7 +244,9 @@ impl Reading<'_> {
 
     fn pay(&mut self, count: usize) -> Result<()> {
         self.budget = self.budget.checked_sub(count).ok_or_else(|| {
-            refusal("expected a mesh, got one that its nodes repeat without measure".into())
+            refusal(
+                "expected few nodes for each mesh, got so many that the scene is too large".into(),
+            )
         })?;
         match u32::try_from(self.mesh.positions.len() + count) {
             Ok(_) => Ok(()),

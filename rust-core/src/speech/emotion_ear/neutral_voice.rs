@@ -37,8 +37,7 @@ impl NeutralVoice {
         }
         if total <= LEAST_VOICE * count {
             return Err(Error::Audio(
-                "neutral voice: expected somebody who speaks, got a recording without a voice"
-                    .into(),
+                "neutral voice: expected a recording of speech, got one without a voice".into(),
             ));
         }
         let share = total / (total + HALF_BELIEVED);

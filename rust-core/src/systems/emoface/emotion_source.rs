@@ -92,7 +92,7 @@ impl EmotionSource {
 /// The sound of a voice, for a user's encoder.
 fn sound_of(voice: &VoiceTrack) -> Result<&Waveform> {
     voice.sound().ok_or_else(|| {
-        Error::InvalidInput("emotion: expected a voice with its sound, got one without".into())
+        Error::InvalidInput("emotion: expected a voice with sound, got one without".into())
     })
 }
 

@@ -225,7 +225,7 @@ pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
             None if *share == 0.0 => {}
             None => {
                 return Err(Error::InvalidInput(format!(
-                    "emotion: expected what the emotion branch was taught ({}), got {name}",
+                    "emotion: expected one that the emotion branch knows ({}), got {name}",
                     emotions.join(", ")
                 )));
             }

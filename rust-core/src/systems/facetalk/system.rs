@@ -255,7 +255,7 @@ impl System for FaceTalk {
     ) -> Result<Sampled> {
         if let Some(style) = &request.style {
             return Err(Error::InvalidInput(format!(
-                "style: expected none, which is all that facetalk knows, got {style:?}"
+                "style: expected none, since facetalk has no styles, got {style:?}"
             )));
         }
         let fps = self.config().fps;

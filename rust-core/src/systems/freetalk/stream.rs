@@ -152,7 +152,7 @@ impl MotionStream for CausalStream {
         };
         if self.speech.has_heard() {
             return Err(Error::InvalidInput(
-                "look-ahead: expected before the first sound, got after it; begin a new stream"
+                "look-ahead: expected a value before the first sound, got one after it; begin a new stream"
                     .into(),
             ));
         }
