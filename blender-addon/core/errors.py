@@ -105,9 +105,9 @@ def _known(error: BaseException) -> AnyfaceError | None:
     if isinstance(error, KeyboardInterrupt):
         return AnyfaceError("cancelled", "interrupted: start it again when you like")
     if isinstance(error, SystemExit):
-        return AnyfaceError("internal", f"the work ended itself ({error.code}): try it again")
+        return AnyfaceError("internal", f"the job stopped by itself ({error.code}): try it again")
     if isinstance(error, ReferenceError):
-        text = "something that was needed was deleted or undone meanwhile: start again"
+        text = "an object or a data-block of this job was deleted or undone: start again"
         return AnyfaceError("mesh", text)
     if isinstance(error, UnicodeError):
         text = f"a text holds letters that cannot be read or written ({readable(error)}): rename it"

@@ -132,7 +132,8 @@ def _system(loaded, number: int) -> System:
 def _control(loaded, system: int, number: int) -> Control:
     description = library.Control()
     if loaded.anyface_system_control(system, number, byref(description), sizeof(description)) != 0:
-        raise AnyfaceError("internal", f"the library does not tell control {number} of {system}")
+        text = f"the library cannot describe control {number} of system {system}"
+        raise AnyfaceError("internal", text)
     name, unit = description.name.decode(), description.unit.decode()
     return Control(
         name=name,

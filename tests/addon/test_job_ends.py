@@ -300,7 +300,7 @@ def test_a_script_is_told_and_finds_the_scene_as_it_was(addon, monkeypatch, read
     before = ready.state()
     with monkeypatch.context() as broken:
         break_writing(addon, broken, SystemExit)
-        with pytest.raises(RuntimeError, match="ended itself"):
+        with pytest.raises(RuntimeError, match="stopped by itself"):
             bpy.ops.anyface.generate()
     assert ready.state() == before
     assert bpy.ops.anyface.generate() == {"FINISHED"}

@@ -160,7 +160,7 @@ def split(block, path: str) -> tuple:
         inside = path[at + 2 : -2].replace("\\'", "'") if path[-2] == "'" else None
         key = json.loads(path[at + 1 : -1]) if inside is None else inside
         if key not in owner:
-            raise ValueError(f"{path}: expected a property that is there")
+            raise ValueError(f"{path}: no such property")
         return owner, key, None
     body, index = path, None
     if path.endswith("]"):
@@ -168,7 +168,7 @@ def split(block, path: str) -> tuple:
     at = body.rfind(".")
     owner = block.path_resolve(body[:at]) if at >= 0 else block
     if not hasattr(owner, body[at + 1 :]):
-        raise ValueError(f"{path}: expected a property that is there")
+        raise ValueError(f"{path}: no such property")
     return owner, body[at + 1 :], index
 
 

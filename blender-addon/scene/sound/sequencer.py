@@ -68,7 +68,7 @@ def _new_sound(editor, path: str, frame: int):
     strip = strips.new_sound(name, path, highest, frame)
     if strip.sound is None or strip.sound.samplerate == 0:
         _drop(strips, strip)
-        raise RuntimeError("no sound that it knows")
+        raise RuntimeError("unknown format")
     first, last = ends(strip)
     for channel in range(1, MOST_CHANNELS + 1):
         row = editor.channels[channel]

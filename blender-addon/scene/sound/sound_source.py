@@ -14,7 +14,7 @@ def from_file(path: str, start_frame: float) -> SoundSource:
     """A whole sound file."""
     full = bpy.path.abspath(path)
     if not path or not os.path.isfile(full):
-        text = f"no sound file at {full or 'an empty path'}: choose one that is there"
+        text = f"no sound file at {full or 'an empty path'}: choose another one"
         raise AnyfaceError("audio", text, ("choose_sound",))
     return SoundSource(full, os.path.basename(full), start_frame)
 

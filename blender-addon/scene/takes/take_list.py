@@ -218,7 +218,7 @@ def _new_name(shape_keys) -> str:
 
 def _find(shape_keys, take_id: str) -> None:
     if all(take_record.id != take_id for take_record in record.everyone(shape_keys)):
-        raise AnyfaceError("input", f"take: expected one that is there, got {take_id!r}")
+        raise AnyfaceError("input", f"take: this object has no take {take_id!r}")
 
 
 def _editable(ob):
