@@ -19,7 +19,7 @@ use toml_edit::{DocumentMut, Item, value};
 use crate::{machine, site::documents};
 
 const LIST: &str = "docs/sources.toml";
-/// Every file below these must belong to an entry.
+/// Every file below these must belong to an entry, or each of its sections must.
 const RESULTS: [&str; 3] = ["docs/images", "docs/measured", "weights/*/*/README.md"];
 /// Every picture on these pages must belong to an entry.
 const PAGES: [&str; 3] = ["README.md", "docs/**/*.md", "weights/**/*.md"];
@@ -189,11 +189,31 @@ impl Sources {
             faults.extend(self.fault_of_age(entry)?);
         }
         for path in self.expected_results()?.difference(&results) {
+            if self
+                .sections(path)?
+                .is_some_and(|all| all.is_subset(&results))
+            {
+                continue;
+            }
             faults.push(format!(
                 "{path}: expected an entry of {LIST} that makes it, found none; add one with its command and its inputs"
             ));
         }
         Ok(faults)
+    }
+
+    /// The sections of a page, as entries name them. `None` for other files and pages without
+    /// sections.
+    fn sections(&self, path: &str) -> Result<Option<BTreeSet<String>>> {
+        if !path.ends_with(".md") {
+            return Ok(None);
+        }
+        let text = fs::read_to_string(self.root.join(path))?;
+        let titles = text.lines().filter_map(|line| line.strip_prefix("## "));
+        let sections: BTreeSet<_> = titles
+            .map(|title| format!("{path}#{}", documents::slug(title)))
+            .collect();
+        Ok((!sections.is_empty()).then_some(sections))
     }
 
     fn fault_of_age(&self, entry: &Entry) -> Result<Option<String>> {
@@ -495,6 +515,22 @@ mod tests {
                 .fault()
                 .starts_with("weights/talk/ear/README.md: expected an entry")
         );
+    }
+
+    #[test]
+    fn a_page_may_have_an_entry_for_each_section() {
+        let repository = Repository::new("sections");
+        let page = "# Voice\n## Its data\n## Its limits\n";
+        repository.write("weights/talk/voice/README.md", page);
+        repository.change_list("voice/README.md", "voice/README.md#its-data");
+        assert!(
+            repository
+                .fault()
+                .starts_with("weights/talk/voice/README.md: expected an entry")
+        );
+        let both = "#its-data\", \"weights/talk/voice/README.md#its-limits";
+        repository.change_list("#its-data", both);
+        assert_eq!(repository.sources().faults().unwrap(), [""; 0]);
     }
 
     #[test]

@@ -175,7 +175,7 @@ fn heading(events: &[Event]) -> String {
 }
 
 /// The anchor that GitHub gives a heading.
-fn slug(words: &str) -> String {
+pub fn slug(words: &str) -> String {
     let lower = words.to_lowercase();
     let letters = lower
         .chars()
