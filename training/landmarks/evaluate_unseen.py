@@ -9,6 +9,7 @@ the middle of the brows.
 """
 
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -32,8 +33,15 @@ def face_height(marks: np.ndarray) -> float:
     return float(np.linalg.norm(marks[8] - marks[[19, 24]].mean(0)))
 
 
-def head_number(number: int, faces: samples.Faces, held_out: np.ndarray) -> samples.Head:
-    """The unseen head with a given number, upright."""
+def group_of(changes: list[str]) -> str:
+    """The group of heads to which these changes of a head belong."""
+    if "blocks" in changes:
+        return "cut into blocks"
+    return "cubes or a patch on the eyes" if {"cube_eyes", "eye_patch"} & set(changes) else "other"
+
+
+def head_number(number: int, faces: samples.Faces, held_out: np.ndarray) -> tuple[samples.Head, list[str]]:
+    """The unseen head with a given number, upright, and the names of its changes."""
     return unseen_head(np.random.default_rng([4242, number]), faces, held_out)
 
 
@@ -45,30 +53,36 @@ def thing_number(number: int, faces: samples.Faces, held_out: np.ndarray):
 
 
 def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
-    """Prints the share of heads whose mouth and eyes are right, and the share of right regions."""
+    """Prints the share of heads whose mouth and eyes are right, by group, and the share of right regions."""
     off = {name: [] for name in ALL_REGIONS}
-    refused, good = [], []
+    made, right, refused = Counter(), Counter(), Counter()
     for number in range(count):
-        head = head_number(number, faces, held_out)
+        head, changes = head_number(number, faces, held_out)
+        group = group_of(changes)
+        made[group] += 1
         head, _ = placed(np.random.default_rng([4244, number]), head)
         landmarks = find(anyface, folder, head.points, head.triangles)
         if landmarks is None:
-            refused.append(number)
+            refused[group] += 1
+            print(f"number {number} is refused", flush=True)
             continue
         miss = np.linalg.norm(landmarks - head.landmarks, axis=1) / face_height(head.landmarks)
         for name, region in ALL_REGIONS.items():
             off[name].append(miss[region].mean())
-        good.append(all(miss[region].mean() <= WITHIN for region in REGIONS.values()))
+        good = all(miss[region].mean() <= WITHIN for region in REGIONS.values())
+        right[group] += good
         if number % 20 == 19:
-            print(f"{number + 1} heads, {sum(good)} found, {len(refused)} refused", flush=True)
-        if not good[-1]:
+            print(f"{number + 1} heads, {right.total()} right, {refused.total()} refused", flush=True)
+        if not good:
             text = ", ".join(f"{name} {off[name][-1]:.3f}" for name in ALL_REGIONS)
             print(f"number {number} is misplaced: {text} of face height", flush=True)
-    print(f"refused: {refused}")
     for name, values in off.items():
         share = np.sum(np.array(values) <= WITHIN) / count
         print(f"{name}: {share:.1%} within {WITHIN:.0%}, median {np.median(values):.2%} of face height")
-    print(f"heads: mouth and eyes within {WITHIN:.0%}: {sum(good)} of {count}, {len(refused)} refused")
+    print(f"mouth and eyes within {WITHIN:.0%} of face height:")
+    for group, number in made.items():
+        print(f"{group}: {right[group]} of {number}, {refused[group]} refused")
+    print(f"all heads: {right.total()} of {count}, {refused.total()} refused")
 
 
 def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
@@ -98,7 +112,7 @@ def main(
     if write:
         write.mkdir(parents=True, exist_ok=True)
         for number in range(count):
-            head = head_number(number, faces, held_out)
+            head, _ = head_number(number, faces, held_out)
             write_obj(write / f"character_{number:03}.obj", head.points, head.triangles)
         return
     command = command_of(anyface, weights)

@@ -202,8 +202,8 @@ WARPS = (balloon, boxed, bent, twisted, caged, lens, squeezed, waves, relief)
 THINGS = (cone_nose, cube_eyes, spikes, eye_patch, tusks, ruff)
 
 
-def unseen_head(rng: np.random.Generator, faces: Faces, held_out: np.ndarray) -> Head:
-    """A head with one to three warps, at most two added things and sometimes blocks.
+def unseen_head(rng: np.random.Generator, faces: Faces, held_out: np.ndarray) -> tuple[Head, list[str]]:
+    """A head with one to three warps, at most two added things and sometimes blocks, and their names.
 
     Three heads in four are ICT identities kept out of training, exaggerated by up to 2.2. The rest are
     MakeHuman, which has only one identity.
@@ -213,10 +213,14 @@ def unseen_head(rng: np.random.Generator, faces: Faces, held_out: np.ndarray) ->
         head = faces.ict_head(rng, coefficients.astype(np.float32))
     else:
         head = faces.makehuman_head(rng)
+    names = []
     for warp in rng.permutation(np.array(WARPS, object))[: rng.integers(1, 4)]:
         head = warp(rng, head)
+        names.append(warp.__name__)
     if rng.random() < 0.15:
         head = blocks(rng, head)
+        names.append(blocks.__name__)
     for add in rng.permutation(np.array(THINGS, object))[: rng.integers(0, 3)]:
         head = add(rng, head)
-    return head
+        names.append(add.__name__)
+    return head, names

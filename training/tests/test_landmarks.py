@@ -1,6 +1,7 @@
 """Heads that train and measure the landmark finder: their landmarks are true, the face can be seen."""
 
 import inspect
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,14 @@ from training.corpus.mirror import permutation
 
 pytest.importorskip("numba")
 
-from training.landmarks import adorn, faceless_unseen, heads, stylise, stylise_unseen  # noqa: E402
+from training.landmarks import (  # noqa: E402
+    adorn,
+    evaluate_unseen,
+    faceless_unseen,
+    heads,
+    stylise,
+    stylise_unseen,
+)
 from training.landmarks.characters import character  # noqa: E402
 from training.landmarks.samples import Head  # noqa: E402
 
@@ -69,6 +77,20 @@ def test_unseen_kinds_are_made_by_no_code_of_training():
     modules = (stylise, adorn, heads)
     trained = {name for m in modules for name, _ in inspect.getmembers(m, inspect.isfunction)}
     assert len(unseen) == 25 and not unseen & trained
+
+
+def test_an_unseen_head_says_what_changed_it_and_so_to_which_group_it_belongs():
+    assert evaluate_unseen.group_of(["bent", "blocks", "cube_eyes"]) == "cut into blocks"
+    assert evaluate_unseen.group_of(["bent", "eye_patch"]) == "cubes or a patch on the eyes"
+    assert evaluate_unseen.group_of(["bent", "tusks"]) == "other"
+    clay_faces = SimpleNamespace(ict_head=lambda rng, _: clay(3), makehuman_head=lambda rng: clay(3))
+    known = {f.__name__: f for f in (*stylise_unseen.WARPS, stylise_unseen.blocks, *stylise_unseen.THINGS)}
+    for number in range(8):
+        rng = np.random.default_rng(number)
+        head, names = stylise_unseen.unseen_head(rng, clay_faces, np.zeros((1, 100)))
+        added = {name for name in names if known[name] in stylise_unseen.THINGS}
+        assert 1 <= len(names) == len(set(names)) and set(names) <= set(known)
+        assert (len(head.points) > len(clay(3).points)) == bool(added)
 
 
 @pytest.mark.parametrize("warp", stylise_unseen.WARPS, ids=lambda warp: warp.__name__)
