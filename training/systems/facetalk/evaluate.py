@@ -198,7 +198,7 @@ def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
         moved = truth.norm(dim=-1) > MOVED_MM
         share = (predicted * truth).sum() / truth.square().sum()
         off, way = (x.norm(dim=-1)[moved].mean() for x in (predicted - truth, truth))
-        print(f"{name}: {share:.2f} of its way, off by {off:.2f} mm of {way:.2f}")
+        print(f"{name}: {share:.2f} of the true motion, error {off:.2f} mm of {way:.2f}")
 
 
 @torch.no_grad()

@@ -139,7 +139,7 @@ def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None
 
 
 def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
-    """Compares a minute sampled at once with the same minute in windows of two seconds.
+    """Compares up to a minute sampled at once with the same sound in windows of two seconds.
 
     Returns r of the lip gap for both, and the drift of its mean.
     """
@@ -267,7 +267,7 @@ def main(line: list[str] | None = None) -> None:
         tell(f"vividness {r}", agreement(speaker, clips, replace(usual, vividness=r)))
     few = first[:10]
     tell("five seeds", seeds(speaker, few))
-    tell("a minute", at_once(speaker, first))
+    tell("long sound", at_once(speaker, first))
     for name, run in others.items():
         other = Speaker(run, speaker.codes, encoder)
         scores = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}
