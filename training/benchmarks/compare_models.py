@@ -105,8 +105,8 @@ def main(
     neutral = IctLandmarks(data).neutral
     clips = [data / clip for clip in CLIPS]
     with tempfile.TemporaryDirectory() as folder:
-        for model in (path.resolve() for parent in models for path in parent.iterdir() if path.is_dir()):
-            (Path(folder) / model.name).symlink_to(model)
+        for config in (path.resolve() for parent in models for path in parent.glob("*/config.json")):
+            (Path(folder) / config.parent.name).symlink_to(config.parent)
         options = ["--weights", folder]
         heads = [compare(anyface.resolve(), options, data / head, clips, neutral) for head in HEADS]
     print("| | largest | mean |\n| --- | --- | --- |")

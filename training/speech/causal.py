@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from training.nn.checkpoint import read_model
+from training.nn.checkpoint import load_model, read_model
 from training.nn.config import Config
 from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
 from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
@@ -257,6 +257,21 @@ def perform(model: StreamNet, mel: Tensor, frames: int, head: int | None = None)
 def _say(model: StreamNet, mel: Tensor, frames: int, head: int | None) -> Tensor:
     padded = pad_mel(mel, model.config.mel_rows(frames))[None]
     return model.say(model.hear(normalise_running(padded, model.config.normaliser)), head)[0]
+
+
+def load_stream(folder: Path) -> StreamNet:
+    """The finished student of a model folder, ready for inference."""
+    return load_model(folder, lambda config: StreamNet(StreamConfig.from_json(config)))
+
+
+def describe(model: StreamNet) -> str:
+    """Parameters in millions and the look-ahead, of the main head and of each further head."""
+    further = [sum(x.numel() for x in head.parameters()) / 1e6 for head in model.sooner]
+    main = sum(x.numel() for x in model.parameters()) / 1e6 - sum(further)
+    leads = [0.0, *(sooner / model.config.fps for sooner in model.config.sooner)]
+    ahead = [1e3 * max(model.config.look_ahead_s() - lead, 0.0) for lead in leads]
+    millions = " + ".join(f"{count:.2f}" for count in (main, *further))
+    return f"{millions} million parameters, look-ahead {', '.join(f'{x:.1f}' for x in ahead)} ms"
 
 
 def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:

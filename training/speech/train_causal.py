@@ -6,7 +6,8 @@ The student hears a stretch of speech under a running normalisation, with a fift
 Its teacher, the frozen encoder, hears the whole stretch at once. Windows are drawn as in
 `training.systems.freetalk.train_stream`, with the same rooms, noises and levels. Seeded; resumes from
 `--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export stream --run
-runs/causal_speech/stream.pt` writes the model.
+runs/causal_speech/stream.pt` writes the model. `--measure` trains nothing: it prints the scores of the model
+in `--finished` on held-out clips.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from training import shipped
 from training.corpus.bank import Entry, entry_without_motion
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.emodb import SOURCE as EMODB
@@ -25,7 +27,15 @@ from training.corpus.lessons import Lesson, speech_entries
 from training.corpus.shares import entries_of
 from training.nn.checkpoint import save
 from training.run import descend, seeded, trainer_parser
-from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
+from training.speech.causal import (
+    StreamConfig,
+    StreamNet,
+    debug_config,
+    load_stream,
+    normalise_running,
+    pad_mel,
+    perform,
+)
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder, normalise
 from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
 from training.speech.train import start
@@ -35,6 +45,7 @@ SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")
 EDGE = 12
 """Number of frames that the loss skips at the start of a window, where the whole encoder lacks context."""
 CLOSURE = 0.1
+HELD_OUT_CLIPS = 30
 
 
 def as_lesson(entry: Entry) -> Lesson:
@@ -56,14 +67,13 @@ def acted_entries(data: Path, limit: int | None) -> list[Entry]:
 def prepare(arguments) -> list[Lesson]:
     """Loads all speech to train on."""
     debug = arguments.config == "debug"
-    limit = 4 if debug else None
-    entries = entries_of(arguments, 2 if debug else arguments.voices, limit)
+    limit, voices = (4, 2) if debug else (None, arguments.voices)
+    entries = entries_of(arguments, voices, limit)
     if not arguments.corpus:
         entries += acted_entries(arguments.data, limit)
         for name in SPEECH:
-            entries += speech_entries(
-                arguments.data / "speech" / name, 4 if debug else arguments.speech_limit
-            )
+            sounds = 4 if debug else arguments.speech_limit
+            entries += speech_entries(arguments.data / "speech" / name, sounds, min(voices, 2))
     return [as_lesson(entry) for entry in entries]
 
 
@@ -144,10 +154,22 @@ def train(arguments) -> Path:
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         save(run.out / "stream.pt", averaged)
-        return validate(averaged, encoder, lessons, 4 if debug else 30)
+        return validate(averaged, encoder, lessons, 4 if debug else HELD_OUT_CLIPS)
 
     descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
     return run.out / "stream.pt"
+
+
+def measure(arguments) -> None:
+    """Prints size, look-ahead and scores of the finished student in `arguments.finished`."""
+    seeded(arguments)
+    arguments.voices = 1
+    model = load_stream(arguments.finished)
+    parameters = sum(x.numel() for x in model.parameters())
+    print(f"{parameters / 1e6:.2f} million parameters, look-ahead {1e3 * model.config.look_ahead_s()} ms")
+    encoder = load_encoder(SHIPPED_ENCODER).eval()
+    for name, share in validate(model, encoder, prepare(arguments), HELD_OUT_CLIPS).items():
+        print(f"{name} {share:.2f}")
 
 
 def parser(doc: str = __doc__, out: str = "runs/causal_speech") -> argparse.ArgumentParser:
@@ -162,5 +184,14 @@ def parser(doc: str = __doc__, out: str = "runs/causal_speech") -> argparse.Argu
     return parser
 
 
+def main(line: list[str] | None = None) -> None:
+    """Entry of the command."""
+    commands = parser()
+    commands.add_argument("--finished", type=Path, default=shipped("causal_speech"))
+    commands.add_argument("--measure", action="store_true", help="measure --finished instead of training")
+    request = commands.parse_args(line)
+    (measure if request.measure else train)(request)
+
+
 if __name__ == "__main__":
-    train(parser().parse_args())
+    main()

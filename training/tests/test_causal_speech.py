@@ -10,9 +10,9 @@ from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.export import export
 from training.nn.checkpoint import write_model
-from training.speech import train_live_closures
+from training.speech import train_causal, train_live_closures
 from training.speech.causal import StreamNet, debug_config, perform
-from training.speech.compact import CompactEncoder
+from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.train_causal import as_lesson, loss_of, new_model, validate
 
@@ -72,6 +72,17 @@ def test_the_folder_bears_the_name_of_the_model(tmp_path):
     assert perform(model, torch.zeros(40, 64), 9).shape == (9, 16)
 
 
+def test_a_finished_twin_is_measured(lessons, tmp_path, monkeypatch, capsys):
+    config = debug_config()
+    config.outputs = load_encoder(SHIPPED_ENCODER).config.channels
+    write_model(tmp_path / "model", StreamNet(config).state_dict(), config.to_json())
+    monkeypatch.setattr(train_causal, "prepare", lambda _: lessons)
+    train_causal.main(["--measure", "--finished", str(tmp_path / "model"), "--out", str(tmp_path / "out")])
+    size, score = capsys.readouterr().out.splitlines()
+    assert "million parameters, look-ahead " in size and score.startswith("speech met ")
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_student_learns_when_lips_are_together(encoder, lessons):
     torch.manual_seed(6)
     model = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
@@ -87,7 +98,8 @@ def test_the_student_learns_when_lips_are_together(encoder, lessons):
         losses.append(parts["closed"])
     assert losses[-1] < losses[0]
     shares = train_live_closures.validate(model, encoder, lessons, 4)
-    assert set(shares) == {"speech met", "speech wrong"} and all(0 <= x <= 1 for x in shares.values())
+    assert set(shares) == {f"speech {share}" for share in train_live_closures.SHARES}
+    assert all(0 <= x <= 1 for x in shares.values())
 
 
 def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encoder, lessons, tmp_path):
@@ -117,6 +129,24 @@ def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encode
             (torch.cat(rows) > train_live_closures.CLOSED).float().mean() for rows in (shut, main)
         )
         assert abs(float(share - main_share)) < 0.02
+
+
+def test_a_finished_student_of_closures_is_measured(lessons, tmp_path, monkeypatch, capsys):
+    config = debug_config()
+    config.outputs, config.sooner = 1, [3]
+    write_model(tmp_path, StreamNet(config).state_dict(), config.to_json())
+    monkeypatch.setattr(train_live_closures, "prepare", lambda arguments: lessons)
+    line = ["--measure", "--finished", str(tmp_path)]
+    train_live_closures.measure(train_live_closures.parser().parse_args(line))
+    heads = [row.split(" | ")[0] for row in capsys.readouterr().out.splitlines()[1:]]
+    assert heads == ["| clips", "| speech", "| speech 3 sooner"]
+
+
+def test_closures_within_a_frame_are_met():
+    taught = torch.tensor([0.0, 0.9, 0.9, 0.0, 0.0, 0.0, 0.0, 0.9])
+    predicted = torch.tensor([0.9, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0, 0.0])
+    counts = train_live_closures.closure_counts(predicted, taught).tolist()
+    assert counts == [[1, 2], [1, 2], [2, 8], [3, 8]]
 
 
 def test_stretches_of_closed_lips_are_found_at_both_ends():

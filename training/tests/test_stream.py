@@ -10,6 +10,7 @@ from training.corpus.lesson_windows import LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.losses import landmark_weights
 from training.machine import Machine
+from training.nn.checkpoint import save, write_model
 from training.speech.causal import (
     StreamConfig,
     StreamNet,
@@ -21,8 +22,11 @@ from training.speech.causal import (
 from training.speech.compact import CompactEncoder, normalise
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.log_mel import log_mel
+from training.systems.freetalk import train_stream
 from training.systems.freetalk.ats import AtsDenoiser
 from training.systems.freetalk.ats import debug_config as debug_ats
+from training.systems.freetalk.evaluate import full_model
+from training.systems.freetalk.stored import load_models
 from training.systems.freetalk.train_stream import loss_of
 
 
@@ -158,3 +162,23 @@ def test_a_silent_window_joins_the_batch(lessons):
     sampler = LessonSampler(lessons, {"grid_s1": 0.5, "voices": 0.5}, 0, config)
     sampler.augment.silent_share = 1.0
     assert sampler.batch(2, 24).captured.abs().max() == 0.0
+
+
+def test_a_finished_student_is_measured(lessons, model, tmp_path, monkeypatch, capsys):
+    folder = write_model(tmp_path / "stream", model.state_dict(), model.config.to_json())
+    held_out = [replace(entry("grid_s1", 1.0), held_out=True), replace(entry("voices", 0.0), held_out=True)]
+    monkeypatch.setattr(train_stream, "entries_of", lambda *_: [entry("grid_s1", 1.0), *held_out])
+    line = ["--measure", "--finished", str(folder)]
+    train_stream.measure(train_stream.parser().parse_args(line))
+    rows = [row.split(" | ") for row in capsys.readouterr().out.splitlines()]
+    assert rows[0] == ["0.02 million parameters, look-ahead 192.5 ms"]
+    assert [row[0] for row in rows[1:]] == ["| clips", "| grid_s1", "| voices"]
+    assert all(len(row) == 5 for row in rows[1:])
+
+
+def test_a_run_without_takes_is_sampled_as_the_shipped_model(tmp_path):
+    encoder = CompactEncoder(debug_encoder())
+    config = vars(encoder.config)
+    save(tmp_path / "ats.pt", AtsDenoiser(debug_ats()), encoder=encoder.state_dict(), encoder_config=config)
+    sampling = full_model(tmp_path / "ats.pt").denoiser.config.sampling
+    assert sampling == load_models()[1].config.sampling

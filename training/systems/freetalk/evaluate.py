@@ -23,8 +23,7 @@ from training.corpus.clip import FPS
 from training.corpus.lessons import FullModel
 from training.corpus.teacher import Teacher
 from training.flags import run_command
-from training.systems.freetalk.ats import Sampling
-from training.systems.freetalk.stored import load_run
+from training.systems.freetalk.stored import load_models, load_run
 
 SAMPLES_PER_FRAME = 640
 
@@ -68,9 +67,9 @@ def joined(parts: list[bank.Entry]) -> bank.Entry:
 
 
 def full_model(run: Path) -> FullModel:
-    """Loads a finished run with the sampling of the exported model: one step, little noise."""
+    """Loads a finished run with the sampling of the shipped model."""
     encoder, denoiser = load_run(run)
-    denoiser.config.sampling = Sampling(steps=1, temperature=0.1)
+    denoiser.config.sampling = load_models()[1].config.sampling
     return FullModel(encoder, denoiser)
 
 

@@ -6,12 +6,14 @@ The teacher is the encoder and denoiser in `--models`, or with `--ats` those of 
 the motion of every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech
 without motion, so that the student hears more voices than were captured; it learns only the teacher's motion
 there. `--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
-`--corpus DIR [DIR ...]` trains on corpus folders instead of the project's own sources. Seeded; resumes from
+`--corpus DIR [DIR ...]` trains on corpus folders instead of the project's own sources. `--measure` trains
+nothing: it prints r and slope of the model in `--finished` on held-out clips. Seeded; resumes from
 `--out/last.pt` bit for bit; `--device` and `--precision` set where and how it computes
 (`training/machine.py`); `--config debug` takes a minute.
 """
 
 import argparse
+from collections.abc import Collection
 from pathlib import Path
 
 import torch
@@ -21,7 +23,7 @@ from training.corpus import lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.corpus.shares import entries_of, lasting, measured_scales
-from training.losses import feature_concordance, feature_scores, landmark_weights, motion_loss
+from training.losses import FEATURES, feature_concordance, feature_scores, landmark_weights, motion_loss
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import descend, seeded, trainer_parser
@@ -29,6 +31,8 @@ from training.speech.causal import (
     StreamConfig,
     StreamNet,
     debug_config,
+    describe,
+    load_stream,
     normalise_running,
     perform,
     with_sooner,
@@ -111,7 +115,7 @@ def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: t
 
 
 @torch.no_grad()
-def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
+def validate(model: StreamNet, clips: list[Lesson], captured: Collection[str]) -> dict[str, float]:
     """r and slope of every feature on unseen clips, against captured motion or else the teacher's."""
     report, device = {}, model.mean.device
     model.eval().cpu()
@@ -125,6 +129,24 @@ def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) 
             report |= {f"{name} {key}": value for key, value in scores.items()}
     model.train().to(device)
     return report
+
+
+def measure(arguments) -> None:
+    """Prints the size of the student in `arguments.finished`, and its scores as a table, r / slope."""
+    seeded(arguments)
+    teacher = load_teacher(arguments)
+    entries = entries_of(arguments, 1, None)
+    for folder in arguments.speech:
+        entries += lessons.speech_entries(folder, arguments.speech_limit, voices=1)
+    clips = [teacher.teach(entry) for entry in entries if entry.held_out]
+    captured = {x.source for x in clips if bool((x.weight > 0).any())}
+    model = load_stream(arguments.finished)
+    print(describe(model))
+    report = validate(model, clips, captured)
+    print(f"| clips | {' | '.join(FEATURES)} |")
+    for name in dict.fromkeys(key.rsplit(" ", 2)[0] for key in report):
+        cells = [f"{report[f'{name} {of} r']:.3f} / {report[f'{name} {of} slope']:.2f}" for of in FEATURES]
+        print(f"| {name} | {' | '.join(cells)} |")
 
 
 def prepare(arguments) -> list[Lesson]:
@@ -190,6 +212,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
                         help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/stream")
+    parser.add_argument("--measure", action="store_true", help="measure --finished instead of training")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
     parser.add_argument("--minutes", type=float, default=0.0, help="minutes of each language by espeak-ng")
@@ -201,4 +224,5 @@ def parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    train(parser().parse_args())
+    request = parser().parse_args()
+    (measure if request.measure else train)(request)
