@@ -1,14 +1,22 @@
 """EmoFace's layers and model: spirals by hand, the convolution against loops, kept keys against all keys."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from training import shipped
+from training.corpus.faces import CHANNELS
+from training.export import export
 from training.nn.biased_attention import BiasedSelfAttention, periodic_positions, temporal_bias
+from training.nn.checkpoint import save
 from training.nn.spiral_conv import SpiralConv3D, spirals
+from training.systems.emoface import evaluate
+from training.systems.emoface.folder_scores import face_of
 from training.systems.emoface.model import EmoFace, Inputs, debug_config
+from training.tests.test_parity import SHARED, needs_shared
 
 
 def grid(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
@@ -145,3 +153,26 @@ def test_emotion_reaches_the_emotion_branch_and_the_mask_alone():
     assert torch.equal(one.content, two.content)
     assert not torch.allclose(one.emotion, two.emotion)
     assert not torch.allclose(one.mask, two.mask)
+
+
+def test_a_model_folder_performs_as_the_run_that_it_was_exported_from(tmp_path: Path):
+    face = model()
+    points, triangles = grid(10, 9)
+    template = {"vertices": torch.from_numpy(points), "triangles": torch.from_numpy(triangles)}
+    save(tmp_path / "emoface.pt", face, **template, spirals=face.mesh_attention.conv.spirals)
+    folder = export("emoface", tmp_path, run=tmp_path / "emoface.pt")[0]
+    request = inputs(face, 20)
+    of_run, of_folder = (face_of(path)[0].perform(request) for path in (tmp_path / "emoface.pt", folder))
+    assert torch.equal(of_run.motion, face.perform(request).motion)
+    assert torch.allclose(of_folder.motion, of_run.motion, atol=0.01 * of_run.motion.abs().max().item())
+
+
+@needs_shared
+def test_the_shipped_template_moves_by_the_modes_of_the_vertices_that_it_has():
+    judged = evaluate.opened(shipped("emoface_compact"), SHARED / "data")
+    assert judged.model.config.vertices == 2000
+    jaw = judged.modes.unflatten(1, (-1, 3))[CHANNELS.index("jawOpen")]
+    at = judged.model.config.landmarks
+    assert jaw[at[8], 1] < -5e-3 and jaw[at[57], 1] < -5e-3
+    assert jaw[at[17:27]].abs().max() < 1e-3
+    assert set(at[48:]) <= set(judged.lips.tolist()) and set(at[17:27]) <= set(judged.upper.tolist())

@@ -1,12 +1,13 @@
 """Measures EmoFace's branches and its Mesh Attention on held-out actors.
 
-    python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
+    python -m training.systems.emoface.evaluate --data ../shared/data
 
-The model performs every sentence of emodb_de's held-out actors from rest, with the emotion of its own voice.
-No faces of these recordings exist, so the truth is the teacher's face with the labelled emotion. Then the
-model performs the same sentence with the emotion of another recording. Errors are in mm on the template: √LVE
-over the vertices around the lips, √EVE over those above the middle of the nose (metrics as in
-`docs/measuring.md`). Nothing is random. Repeat `--run` to compare runs.
+Measures the shipped model, or the runs and model folders that `--run` names. A model performs every sentence
+of emodb_de's held-out actors from rest, with the emotion of its own voice. No faces of these recordings
+exist, so the truth is the teacher's face with the labelled emotion. Then the model performs the same sentence
+with the emotion of another recording. Errors are in mm on the template: √LVE over the vertices around the
+lips, √EVE over those above the middle of the nose (metrics as in `docs/measuring.md`). Nothing is random.
+`--limit 100 --voices 1` reads fewer training clips and all held-out ones, and takes minutes less.
 
     python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
 
@@ -21,14 +22,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 from torch import Tensor
 
+from training import shipped
 from training.corpus.emodb import SOURCE as EMODB
 from training.corpus.emotion_weights import with_emotion
+from training.corpus.faces import load_ict
 from training.losses import lip_gap
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_scores
-from training.systems.emoface.clips import load_clips, template_of
+from training.systems.emoface.clips import load_clips
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS
 from training.systems.emoface.folder_scores import face_of, regions
 from training.systems.emoface.model import CONFIGS, EmoFace, FaceMotion
@@ -38,6 +42,8 @@ from training.systems.emoface.train import performed, together
 
 TAUGHT = 8
 """Number of sentences on which `taught` measures the emotions."""
+SAME_M = 1e-6
+"""A vertex of the template and one of ICT's face are the same if they lie closer than this."""
 CROSSED = 3
 """Most recordings of other emotions that each sentence is combined with."""
 
@@ -68,12 +74,17 @@ class Judged:
 
 
 def opened(run: Path, data: Path) -> Judged:
-    """Loads a run that `training.systems.emoface.train` saved."""
-    model, _ = face_of(run)
-    template, modes = template_of(data, model.config.vertices)
-    return Judged(
-        model, torch.from_numpy(modes).float().flatten(1), *regions(template.vertices, template.landmarks)
-    )
+    """Loads the emoface.pt of a run, or a model folder.
+
+    Looks the template's vertices up in ICT's face. A template that is chosen again may number them otherwise.
+    """
+    model, saved = face_of(run)
+    vertices, face = saved["vertices"].double().numpy(), load_ict(data, "face").mean
+    apart, chosen = cKDTree(face.vertices).query(vertices)
+    if apart.max() > SAME_M:
+        raise ValueError(f"{run}: expected vertices of ICT's face, got one {1e3 * apart.max():.3g} mm off")
+    modes = torch.from_numpy(face.modes[:, chosen]).float().flatten(1)
+    return Judged(model, modes, *regions(vertices, np.array(model.config.landmarks)))
 
 
 def largest_mm(predicted: Tensor, truth: Tensor, among: np.ndarray) -> float:
@@ -138,9 +149,9 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
             heard.append(HEARD_EMOTIONS[int(shares.argmax())] == other.label)
             agreement.append(_gap_r(judged, own_take, mixed_take))
     return {
-        "felt as the other recording": float(np.mean(right)),
-        "of those whose emotion was heard right": float(np.mean(np.array(right)[np.array(heard)])),
-        "heard right": float(np.mean(heard)),
+        "face of the other recording's emotion": float(np.mean(right)),
+        "where the encoder classifies that right": float(np.mean(np.array(right)[np.array(heard)])),
+        "classified right": float(np.mean(heard)),
         "lip gap r with the own take": float(np.mean(agreement)),
     }
 
@@ -206,7 +217,10 @@ def parser() -> argparse.ArgumentParser:
     parser = training_parser()
     parser.description = __doc__.splitlines()[0]
     parser.add_argument(
-        "--run", type=Path, action="append", required=True, help="emoface.pt; may be repeated"
+        "--run",
+        type=Path,
+        action="append",
+        help="emoface.pt or model folder, by default the shipped one; may be repeated",
     )
     parser.add_argument(
         "--clips", type=int, default=1000, help="most emotional clips to measure, evenly drawn"
@@ -218,8 +232,9 @@ def main() -> None:
     """Command line."""
     arguments = parser().parse_args()
     torch.set_num_threads(arguments.threads)
+    runs = arguments.run or [shipped("emoface_compact")]
     if arguments.corpus:
-        for run in arguments.run:
+        for run in runs:
             print(run)
             for line in folder_scores.lines(run, arguments):
                 print(f"  {line}")
@@ -228,9 +243,10 @@ def main() -> None:
     emotional = [c for c in held_out if c.source == EMODB]
     emotional = emotional[:: max(1, len(emotional) // arguments.clips)][: arguments.clips]
     spoken = [c for s in ("grid_s1", "facegood_zh") for c in [c for c in held_out if c.source == s][:24]]
-    for run in arguments.run:
+    for run in runs:
         judged = opened(run, arguments.data)
-        print(run, f"{len(emotional)} felt clips")
+        parameters = sum(x.numel() for x in judged.model.parameters())
+        print(f"{run}: {parameters / 1e6:.2f} million parameters, {len(emotional)} acted sentences")
         for name, (lips, upper) in branches(judged, emotional).items():
             print(f"  {name:16s} √LVE {lips:.2f} mm, √EVE {upper:.2f} mm")
         for name, (slope, cosine) in taught(judged, emotional[:: max(1, len(emotional) // TAUGHT)]).items():

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from training.corpus.folder import CorpusFolder
-from training.nn.checkpoint import restored
+from training.nn.checkpoint import read_model, restored
 from training.paper.metrics import worst_point
 from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import encoders_of
@@ -48,8 +48,14 @@ class Scores:
 
 
 def face_of(run: Path) -> tuple[EmoFace, dict]:
-    """The model in an emoface.pt, and everything that was saved with it."""
-    saved = torch.load(run, map_location="cpu")
+    """The model of an emoface.pt or a model folder, and everything that was saved with it."""
+    if run.is_dir():
+        config, state = read_model(run)
+        del config["triangles"]
+        template = {name: state.pop(name) for name in ("vertices", "triangles", "spirals")}
+        saved = template | {"config": config, "state": state}
+    else:
+        saved = torch.load(run, map_location="cpu")
     config = EmoFaceConfig.from_json(saved["config"])
     return restored(EmoFace(config, saved["spirals"].numpy()), saved["state"]), saved
 
