@@ -1,5 +1,7 @@
 """Expressions of the fifteen emotions on ICT's landmarks: the table that is added to neutral speech.
 
+    python -m training.corpus.emotions       # prints what the shipped table moves in the six basic emotions
+
 Emotion → action units → ARKit shapes → displacements. The prototypes of happy, sad, afraid, angry,
 surprised, disgusted and contempt are those of Ekman & Friesen's tables (`happy 6+12`, …) with small
 units added; ill borrows from the pain units 4, 7, 9 and 43 of Prkachin & Solomon 2008, ashamed lowers
@@ -13,9 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from training import shipped
 from training.corpus.conditions import EMOTIONS
 from training.corpus.faces import CHANNELS
 from training.corpus.ict import IctLandmarks
+from training.flags import run_command
+from training.nn.checkpoint import read_arrays
 
 AU_TO_ARKIT = {
     "1": ["browInnerUp"],
@@ -47,6 +52,7 @@ AU_TO_ARKIT = {
 OPENING = {"9", "10", "10R", "16", "17", "20", "26"}
 """Units that part, lift or stretch the lips. Their effect on the mouth weakens when lips close."""
 YIELDING = [*range(3, 14), *range(48, 68)]
+BASIC = ("happy", "sad", "afraid", "angry", "surprised", "disgusted")
 PROTOTYPES = {
     "neutral": {},
     "happy": {"6": 0.75, "12": 0.8, "10": 0.1},
@@ -100,3 +106,41 @@ def shape_weights() -> np.ndarray:
             for shape in AU_TO_ARKIT[unit]:
                 row[channel_of(shape)] += strength
     return rows
+
+
+def strengths(motion: np.ndarray) -> dict[str, float]:
+    """What an expression moves, in the unit of its landmark displacements [68, 3]. Both sides in the mean."""
+
+    def up(*landmarks: int) -> float:
+        return float(motion[list(landmarks), 1].mean())
+
+    def apart(left: int, right: int) -> float:
+        return float(motion[left, 0] - motion[right, 0])
+
+    return {
+        "inner brows up": up(21, 22),
+        "mid brows up": up(19, 24),
+        "brows nearer": -apart(22, 21),
+        "lid gap": up(37, 38, 43, 44) - up(40, 41, 46, 47),
+        "lower lids up": up(40, 41, 46, 47),
+        "nostrils up": up(31, 35),
+        "upper lip up": up(50, 51, 52),
+        "corners up": up(48, 54),
+        "corners apart": apart(54, 48),
+        "chin up": up(8),
+    }
+
+
+def main() -> None:
+    """Prints the table of the model card, mm at intensity 1."""
+    parts = read_arrays(shipped("expressions"))
+    moved = 1000.0 * (parts["lasting"] + parts["opening"]).numpy()
+    rows = {emotion: strengths(moved[EMOTIONS.index(emotion)]) for emotion in BASIC}
+    names = list(rows["happy"])
+    print("| | " + " | ".join(names) + " |\n|" + " --- |" * (len(names) + 1))
+    for emotion, row in rows.items():
+        print(f"| {emotion} | " + " | ".join(f"{round(v, 1) + 0.0:.1f}" for v in row.values()) + " |")
+
+
+if __name__ == "__main__":
+    run_command(main)

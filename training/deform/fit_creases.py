@@ -1,16 +1,18 @@
 """Measures the creases of reference faces and writes the model that `deform/creases.rs` reads.
 
     python -m training.deform.fit_creases --data ../shared/data
+    python -m training.deform.fit_creases --data ../shared/data --score
 
 The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights know.
 The part of the 51 shapes that these weights do not explain is a linear function of the landmarks. It is
 regressed on them over speech, the upper face and whole expressions. The landmarks get noise of `NOISE_DM`, so
 that other motion is not amplified. Lips, chin and jaw are left out, because every face moves in its own way
 there. Points are drawn on the surface with their mirror images, and the residual is the mean of both sides.
-`--score` prints errors on identities and warps on which the creases were not measured.
+With `--score` it writes nothing. It prints the errors of the stored creases on identities and warps on which
+they were not measured.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +21,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from training import DATA, shipped
-from training.corpus.emotions import PROTOTYPES, shape_weights
+from training.corpus.emotions import BASIC, PROTOTYPES, shape_weights
 from training.corpus.expressions import evaluation_frames, load_speech, training_frames
 from training.corpus.faces import Face, align, load_ict, load_makehuman
 from training.corpus.prepared import PreparedMesh, prepare
@@ -29,7 +31,7 @@ from training.deform.creases import Creases
 from training.deform.static_weights import MIRROR, StaticConfig, StaticWeights, deform
 from training.deform.surface import vertex_normals
 from training.flags import run_command
-from training.nn.checkpoint import load_model, write_model
+from training.nn.checkpoint import load_model, read_model, write_model
 
 NOISE_DM = 0.005
 RANK = 18
@@ -203,6 +205,14 @@ def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
     write_model(folder, state, {"faces": sizes}, tuple(f"{name}.landmarks" for name in faces))
 
 
+def read_creases(folder: Path) -> dict[str, Creases]:
+    """Reads a model folder of `write_creases`."""
+    config, state = read_model(folder)
+    arrays = {key: value.numpy().astype(np.float64) for key, value in state.items()}
+    names = [face["name"] for face in config["faces"]]
+    return {n: Creases(*(arrays[f"{n}.{field.name}"] for field in fields(Creases))) for n in names}
+
+
 def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
     """Faces on which no crease was measured, each with the name of its reference."""
     ict, makehuman = load_ict(data), load_makehuman(data)
@@ -221,12 +231,13 @@ def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.n
     return float((predicted * true)[where].sum() / (true[where] ** 2).sum())
 
 
-def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path, models: Path) -> None:
+def print_scores(
+    rng: np.random.Generator, faces: dict[str, Creases], data: Path, model: StaticWeights
+) -> None:
     """Prints errors with and without creases on two identities of ICT and two warps of MakeHuman."""
-    model = read_static(models)
     spoken = evaluation_frames(rng, load_speech(data).test, 60)
     emotions = shape_weights()
-    shown = [list(PROTOTYPES).index(e) for e in ("happy", "sad", "afraid", "angry", "surprised", "disgusted")]
+    shown = [list(PROTOTYPES).index(e) for e in BASIC]
     for kind, face in unseen(rng, data):
         mesh, creases = prepare(face), faces[kind]
         rest = mesh.geometry.positions.numpy().astype(np.float64)
@@ -259,18 +270,20 @@ def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path
 def main(
     data: Path = DATA,
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
-    score: Annotated[bool, "measure on faces that the creases do not come from"] = False,
+    score: Annotated[bool, "only measure, on faces that the creases do not come from"] = False,
 ) -> None:
     """Entry of the command."""
     torch.set_num_threads(1)
-    model, weights = read_static(models), frames(np.random.default_rng(0), data)
+    model, folder = read_static(models), models / "creases" if models else shipped("creases")
+    if score:
+        print_scores(np.random.default_rng(2026), read_creases(folder), data, model)
+        return
+    weights = frames(np.random.default_rng(0), data)
     faces = {
         name: measure(np.random.default_rng(0), prepare(face), model, weights, POINTS[name])
         for name, face in references(data).items()
     }
-    write_creases(models / "creases" if models else shipped("creases"), faces)
-    if score:
-        print_scores(np.random.default_rng(2026), faces, data, models)
+    write_creases(folder, faces)
 
 
 if __name__ == "__main__":

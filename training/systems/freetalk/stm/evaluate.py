@@ -3,12 +3,12 @@
     python -m training.systems.freetalk.stm.evaluate --data ../shared/data --runs runs/stm
     python -m training.systems.freetalk.stm.evaluate --corpus DIR [DIR ...] --runs runs/stm
 
-With `--corpus`, it measures on the held-out clips of corpus folders with vertex sequences: decoders that
-were trained on such sequences (`RUNS/{static,paper}_corpus.pt`), the shipped static one, and baselines.
-Otherwise it measures on a held-out take of facegood_zh plus upper-face motion, on test identities, warps and
-triangulations of ICT and on the MakeHuman head, both original and remeshed. Errors are mean distances in
-millimetres over all vertices / over the lips (within 1 cm of a lip landmark); all frames and meshes have
-equal weight.
+It measures baselines, the shipped decoders, and those that `training.systems.freetalk.stm.train` left in
+`--runs`. With `--corpus`, it measures on the held-out clips of corpus folders with vertex sequences and
+reads `RUNS/{static,paper}_corpus.pt`. Otherwise it measures on a held-out take of facegood_zh plus upper-face
+motion, on test identities, warps and triangulations of ICT and on the MakeHuman head, both original and
+remeshed, and reads `RUNS/{static,paper}_{both,ict,makehuman}.pt`. Errors are mean distances in millimetres
+over all vertices / over the lips (within 1 cm of a lip landmark). All frames and meshes have equal weight.
 """
 
 import argparse
@@ -73,10 +73,19 @@ def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
     return torch.zeros(len(landmarks), len(mesh.lips), 3)
 
 
-def static(path: Path, familiarity: float | None) -> Method:
-    """The static decoder with the weights of `path`. `familiarity`, if given, replaces that of each face."""
+def static_model(path: Path) -> StaticWeights:
+    """The static decoder of a file that training wrote."""
     saved = torch.load(path)
-    model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
+    return restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
+
+
+def shipped_static() -> StaticWeights:
+    """The static decoder of the repository."""
+    return load_model(shipped("static_weights"), lambda config: StaticWeights(StaticConfig(**config)))
+
+
+def static(model: StaticWeights, familiarity: float | None = None) -> Method:
+    """The static decoder. `familiarity`, if given, replaces that of each face."""
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
         usual = model.familiarity(mesh.geometry.landmarks)
@@ -91,9 +100,19 @@ def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
     return torch.einsum("vn,tnx->tvx", mesh.geometry.base, landmarks)
 
 
-def paper(path: Path) -> Method:
-    """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
-    model = paper_decoder(path)
+def paper_model(path: Path) -> PaperDecoder:
+    """The paper's decoder of a file that training wrote."""
+    saved = torch.load(path)
+    return restored(PaperDecoder(PaperConfig(**saved["config"])), saved["state"])
+
+
+def shipped_paper() -> PaperDecoder:
+    """The paper's decoder of the repository."""
+    return load_model(shipped("stm_paper"), lambda config: PaperDecoder(PaperConfig(**config)))
+
+
+def paper(model: PaperDecoder) -> Method:
+    """The paper's decoder. Operators are computed once per mesh."""
     prepared: dict[int, PaperMesh] = {}
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
@@ -105,15 +124,8 @@ def paper(path: Path) -> Method:
     return method
 
 
-def paper_decoder(path: Path) -> PaperDecoder:
-    """The paper's decoder with the weights of `path`."""
-    saved = torch.load(path)
-    return restored(PaperDecoder(PaperConfig(**saved["config"])), saved["state"])
-
-
-def attention_line(path: Path, meshes: list[PreparedMesh], landmarks: Callable) -> str:
+def attention_line(model: PaperDecoder, meshes: list[PreparedMesh], landmarks: Callable) -> str:
     """Says how many landmarks the paper's decoder attends to. `landmarks(mesh)`: motion [T, N, 3] dm."""
-    model = paper_decoder(path)
     landmark_counts = []
     for mesh in meshes:
         prepared = paper_mesh(mesh, model.config)
@@ -133,17 +145,13 @@ def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
     return torch.einsum("vn,tnx->tvx", torch.from_numpy(unit).float(), landmarks)
 
 
-def shipped_static() -> Method:
-    """The static decoder with the weights of the repository."""
-    model = load_model(shipped("static_weights"), lambda config: StaticWeights(StaticConfig(**config)))
-    return lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)
-
-
 def corpus_rows(runs: Path) -> list[tuple[str, Method]]:
-    """Baselines, the shipped static decoder, and decoders trained on corpus folders."""
+    """Baselines, the shipped decoders, and decoders trained on corpus folders."""
     table = [("no motion", no_motion), ("RBF, linear kernel", rbf_linear)]
-    table += [("training-free (TSB)", training_free), ("static, shipped", shipped_static())]
-    for name, read in (("static", lambda path: static(path, None)), ("paper", paper)):
+    table += [("training-free (TSB)", training_free), ("static, shipped", static(shipped_static()))]
+    table.append(("paper, shipped", paper(shipped_paper())))
+    for name, read in (("static", lambda path: static(static_model(path))),
+                       ("paper", lambda path: paper(paper_model(path)))):  # fmt: skip
         path = runs / f"{name}_corpus.pt"
         if path.exists():
             table.append((f"{name}, trained on sequences", read(path)))
@@ -158,24 +166,24 @@ def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
         for name, method in corpus_rows(runs):
             mean, lips = held_out_errors(method, meshes, frames)
             print(f"{name:40}{mean:8.3f} /{lips:6.3f}", flush=True)
-        path = runs / "paper_corpus.pt"
-        if path.exists():
-            motion = lambda mesh: mesh.displacements(0, [len(mesh.sequences[0]) // 2])[:, mesh.landmarks]  # noqa: E731
-            print(attention_line(path, meshes, motion), flush=True)
+        motion = lambda mesh: mesh.displacements(0, [len(mesh.sequences[0]) // 2])[:, mesh.landmarks]  # noqa: E731
+        print("paper, shipped:", attention_line(shipped_paper(), meshes, motion), flush=True)
 
 
 def rows(runs: Path) -> list[tuple[str, Method]]:
-    """Baselines, and every method that `runs` has weights for."""
+    """Baselines, the shipped decoders, and every decoder in `runs`."""
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
+    table += [("static, shipped", static(shipped_static())), ("paper, shipped", paper(shipped_paper()))]
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"static_{faces}.pt"
         if path.exists():
-            table.append((f"static, trained on {faces}", static(path, None)))
-            table.append((f"static, trained on {faces}, f = 1", static(path, 1.0)))
+            model = static_model(path)
+            table.append((f"static, trained on {faces}", static(model)))
+            table.append((f"static, trained on {faces}, f = 1", static(model, 1.0)))
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"paper_{faces}.pt"
         if path.exists():
-            table.append((f"paper, trained on {faces}", paper(path)))
+            table.append((f"paper, trained on {faces}", paper(paper_model(path))))
     return table
 
 
@@ -193,12 +201,10 @@ def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
             text = "".join(f"{mean:8.3f} /{lips:6.3f}" for mean, lips in cells)
             lids = "".join(f"{lid_error(method, corpus.test[f]):9.3f}" for f in faces)
             print(f"{name:40}{text}{lids}", flush=True)
-        path = runs / "paper_both.pt"
-        if path.exists():
-            meshes = [mesh for face in faces for mesh in corpus.test[face]]
-            weights = torch.from_numpy(speech[len(speech) // 2 :][:1]).float()
-            motion = lambda mesh: torch.einsum("tm,mvx->tvx", weights, mesh.modes[:, mesh.landmarks])  # noqa: E731
-            print(attention_line(path, meshes, motion), flush=True)
+        meshes = [mesh for face in faces for mesh in corpus.test[face]]
+        weights = torch.from_numpy(speech[len(speech) // 2 :][:1]).float()
+        motion = lambda mesh: torch.einsum("tm,mvx->tvx", weights, mesh.modes[:, mesh.landmarks])  # noqa: E731
+        print("paper, shipped:", attention_line(shipped_paper(), meshes, motion), flush=True)
 
 
 def main() -> None:
