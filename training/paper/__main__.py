@@ -95,8 +95,8 @@ def main(
     if ablations:
         rows = json.loads((ablations / "scores.json").read_text())
         ablated = [Table(**table) for table in rows]
-    names = " ".join(path.name for path in corpus)
-    command = f"python -m training.paper --corpus {names} --clips {clips}"
+    command = f"python -m training.paper --corpus {' '.join(map(str, corpus))} --clips {clips}"
+    command += f" --ablations {ablations}" if ablations else ""
     out.write_text(page(tables, ablated, figures, out, command), encoding="utf-8")
     print(out)
 
