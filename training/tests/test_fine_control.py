@@ -94,6 +94,17 @@ def test_scores_and_summary_of_a_unit_put_on_by_addition():
     assert not units.score("12", [take], [jaw], falling | {1.0: controlled[1.5]}).grows
 
 
+def test_a_run_without_a_part_is_sampled_like_the_run_beside_it(tmp_path):
+    trained = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    folder = export("cafe_talk", tmp_path / "models", run=trained, steps=1, temperature=1.0)[-1]
+    flags = ["--run", folder, "--corpus", tmp_path / "corpus/made_up", "--out", tmp_path / "report"]
+    flags += ["--units", "12", "--clips", 1, "--few", 1, "--judge-steps", 1, "--only", "ablations"]
+    evaluate_cafe_talk.main([str(f) for f in [*flags, "--ablation", f"trained={trained}"]])
+    exported, _, other = json.loads((tmp_path / "report/report.json").read_text())["ablations"]
+    assert Actor(trained).config.sampling != Actor(folder).config.sampling
+    assert other["control rate"] == pytest.approx(exported["control rate"], abs=1e-3)
+
+
 @pytest.mark.slow
 def test_the_report_of_a_tiny_run_has_every_table(tmp_path):
     base = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)

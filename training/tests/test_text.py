@@ -7,14 +7,16 @@ import pytest
 import torch
 
 from training.corpus.conditions import UNITS
+from training.nn.checkpoint import write_model
 from training.text.clip import OnClip
 from training.text.golden_clip import write_folder
 from training.text.held_out import HELD_OUT, TABLE_13
 from training.text.measure import Counts, measured
+from training.text.measure import main as measure_folder
 from training.text.pairs import EMOTIONS, EXPRESSIONS, NOTHING, OPPOSITES, TEMPLATES
 from training.text.sentences import Clause, Shown, clauses, listed
 from training.text.space import known_form
-from training.text.stored import arrays, config_of
+from training.text.stored import arrays, config_of, load_model_folder
 from training.text.tower import Heard, OnWords, TextTower
 from training.text.train import Pairs, targets, train
 from training.text.words import Words
@@ -95,6 +97,24 @@ def test_words_that_are_no_words_leave_no_features():
     tower = TextTower(24, 8)
     heard = Heard.of([Clause(["zzz"]), Clause()], made_up_space())
     assert torch.equal(tower.mean(heard.words), torch.zeros(2, 24))
+
+
+def test_the_shipped_model_recognises_the_sentences_of_table_13():
+    result = measure_folder()
+    assert result["table_13"] == "6 of 6" and result["f1"] > 0.75
+    assert "synonym" not in result
+
+
+def test_a_model_folder_gives_back_its_words_and_tower(tmp_path):
+    words, tower = made_up_space(), TextTower(24, 8)
+    folder = write_model(tmp_path / "text_units", arrays(tower, words), config_of(tower, words), exact=("",))
+    read_words, read_tower = load_model_folder(folder)
+    assert read_words.rows == words.rows and np.array_equal(read_words.of("smile"), words.of("smile"))
+    heard = Heard.of([Clause(["smile"], ["frown"])], words)
+    assert torch.equal(read_tower(heard), tower(heard))
+    config = config_of(tower, words, tmp_path / "clip")
+    with pytest.raises(ValueError, match="expected a model on the text space, got one on CLIP"):
+        load_model_folder(write_model(folder, arrays(tower, words), config))
 
 
 @pytest.mark.slow

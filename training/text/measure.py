@@ -1,19 +1,31 @@
-"""Measures how well text becomes units, on table 13 and held-out descriptions, and compares baselines."""
+"""Measures how well text becomes units, on table 13 and held-out descriptions, and compares baselines.
 
+    python -m training.text.measure --wordnet /usr/share/wordnet
+
+measures the shipped model; `--model FOLDER` measures another.
+"""
+
+import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
 
+from training import shipped
+from training.flags import run_command
 from training.text import wordnet
 from training.text.clip import ClipTower, OnClip
-from training.text.held_out import TABLE_13
-from training.text.sentences import Shown, clauses
+from training.text.held_out import HELD_OUT, TABLE_13
+from training.text.pairs import EMOTIONS, EXPRESSIONS
+from training.text.sentences import Shown, clauses, listed
 from training.text.space import known_form
+from training.text.stored import load_model_folder
 from training.text.tower import OnWords, TextTower
 from training.text.words import Words
 
+SHIPPED = shipped("text_units")
 THRESHOLD = 0.5
 Pair = tuple[str, Shown]
 
@@ -121,3 +133,19 @@ def measured(
             "table_13": f"{sum(table)} of {len(table)}",
         }
     )
+
+
+def main(
+    model: Annotated[Path, "model folder"] = SHIPPED,
+    wordnet: Annotated[Path | None, "WordNet's folder, to compare with its synonyms"] = None,
+) -> dict:
+    """Prints how well a model folder recognises the held-out texts and table 13."""
+    words, tower = load_model_folder(model)
+    known = listed(EMOTIONS) + listed(EXPRESSIONS)
+    result = measured(tower, OnWords(words), words, known, listed(HELD_OUT), wordnet)
+    print(json.dumps(result, indent=1))
+    return result
+
+
+if __name__ == "__main__":
+    run_command(main)

@@ -1,4 +1,4 @@
-"""Reads the text space and the tower, and lists what a model folder stores of them."""
+"""Reads the text space and the tower from a run or a model folder, and lists what such a folder stores."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from training.corpus.conditions import UNITS
+from training.nn.checkpoint import read_model, restored
 from training.text.clip import ClipTower
 from training.text.pairs import MENU
 from training.text.sentences import RULES, STRENGTH
@@ -20,6 +21,17 @@ def load_tower(folder: Path, on_clip: bool) -> tuple[Words, TextTower | ClipTowe
     tower = ClipTower(width, hidden) if on_clip else TextTower(words.vectors.shape[1], hidden)
     tower.load_state_dict(state)
     return words, tower
+
+
+def load_model_folder(folder: Path) -> tuple[Words, TextTower]:
+    """Loads a model folder on our own text space, as `training.export text` writes it."""
+    config, state = read_model(folder)
+    if "clip" in config:
+        raise ValueError(f"{folder}: expected a model on the text space, got one on CLIP")
+    rows = {word: row for row, word in enumerate(config["words"].split())}
+    words = Words(rows, state.pop("vectors").numpy(), state.pop("ngrams").numpy())
+    tower = {name: value for name, value in state.items() if name != "emotions"}
+    return words, restored(TextTower(config["width"], config["hidden"]), tower)
 
 
 def arrays(tower: TextTower | ClipTower, words: Words) -> dict[str, Tensor]:

@@ -1,12 +1,12 @@
 """Measures a run of Cafe-Talk: events, emotions, and the settings that the paper does not print.
 
-    python -m training.systems.cafe_talk.evaluate --run runs/cafe_fine/cafe_talk.pt --out runs/cafe_report
+    python -m training.systems.cafe_talk.evaluate --out runs/cafe_report
 
-`--run weights/cafe-talk/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
-report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a run or
-folder trained without a part. Unmasked guidance needs no run of its own and always gets a row. Only weights
-are measured, on ICT's landmarks. This leaves out what the engine adds when it shows them (it brings the lips
-together on the head).
+`--run` is an exported model with the encoder beside it, by default the shipped one, or a `cafe_talk.pt`.
+Writes report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a
+run or folder trained without a part, sampled like `--run`. Unmasked guidance needs no run of its own and
+always gets a row. Only weights are measured, on ICT's landmarks. This leaves out what the engine adds when it
+shows them (it brings the lips together on the head).
 """
 
 import argparse
@@ -16,11 +16,13 @@ from pathlib import Path
 
 import torch
 
+from training import shipped
 from training.corpus.conditions import UNITS
 from training.systems.cafe_talk import judge as judging
 from training.systems.cafe_talk.fine_control import choices, emotions, trial, units
 from training.systems.cafe_talk.fine_control.trial import Actor, Take
 
+SHIPPED = shipped("cafe_talk_compact")
 PARTS = ("units", "ablations", "emotions", "steps", "alphas", "formulas")
 TITLES = {
     "speech": "Speech without emotion or event",
@@ -74,6 +76,7 @@ def ablations(arguments, actor: Actor, takes: list[Take], held_out: list, judge:
         if not mark:
             raise ValueError(f"--ablation: expected NAME=RUN, got {text!r}")
         other = Actor(Path(path))
+        other.config.sampling = actor.config.sampling
         heard = [other.take(entry) for entry in held_out]
         rows.append(whole(name, other, heard, by_source(heard, arguments.few), judge, arguments.units))
     return rows
@@ -136,14 +139,14 @@ def plain(value):
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--run", type=Path, required=True, help="cafe_talk.pt, or a model folder")
+    parser.add_argument("--run", type=Path, default=SHIPPED, help="cafe_talk.pt, or a model folder")
     parser.add_argument("--ablation", nargs="*", default=[], metavar="NAME=RUN")
     parser.add_argument("--out", type=Path, default=Path("runs/cafe_report"))
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument(
-        "--voices", type=int, default=7, help="voices as in training, so that its bank is reused"
+        "--voices", type=int, default=1, help="voices of each clip; as in a training, its bank is reused"
     )
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--units", nargs="*", choices=UNITS, default=list(UNITS))
