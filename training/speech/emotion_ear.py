@@ -7,12 +7,14 @@ of the emotions. `training.speech.train_emotion_ear` trains it. Instants and win
 """
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from training.nn.checkpoint import read_model, restored
 from training.nn.config import Config
 from training.speech.compact import CompactConfig, CompactEncoder
 from training.speech.log_mel import BANDS
@@ -125,6 +127,12 @@ class EmotionLayer:
         return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
 
 
+def read_layer(folder: Path) -> EmotionLayer:
+    """The layer of a model folder, without the network that may lie beside it."""
+    _, state = read_model(folder)
+    return EmotionLayer(**{name: state[name].double().numpy() for name in ARRAYS})
+
+
 @dataclass
 class EmotionEar(EmotionLayer):
     """The layer over the network's outputs and the 118 numbers, R = told + 118."""
@@ -135,6 +143,14 @@ class EmotionEar(EmotionLayer):
     def hear(self, voice: Voice, offset: np.ndarray | float = 0.0) -> np.ndarray:
         """Logits at each instant of a voice, [I, 7]; `offset` comes from `neutral_offset`."""
         return self.logits(rows_of(self.net, voice) + offset)
+
+
+def read_ear(folder: Path) -> EmotionEar:
+    """The layer and the network of a model folder."""
+    config, state = read_model(folder)
+    net = EmotionEarNet(EmotionEarConfig.from_json(config))
+    restored(net, {name: value for name, value in state.items() if name not in ARRAYS})
+    return EmotionEar(**read_layer(folder).arrays(), config=net.config, net=net)
 
 
 def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:

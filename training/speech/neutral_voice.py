@@ -3,9 +3,9 @@
     python -m training.speech.neutral_voice --data ../shared/data --windows runs/ear/windows.pt
 
 Each recording of emodb_de is judged with 0, 2, 10 or 20 seconds of other neutral recordings of its actor. A
-layer fitted without the actor judges it. The shipped layer judges the two held-out actors, and then readers
-who act no emotion, also played slower to lower their voices. An emotion counts as shown if its intensity
-exceeds 0.1 at any moment.
+layer fitted without the actor judges it. The shipped layer judges the two held-out actors and recordings of
+other speakers, some of them also played slower to lower their voices. An emotion counts as shown if its
+intensity exceeds 0.1 at any moment.
 
 `--write` measures nothing. It puts the mean neutral voice of `windows` into the shipped model as `readers`
 and leaves all other arrays as they are.
@@ -27,15 +27,14 @@ from training import shipped
 from training.corpus.clip import read_sound
 from training.corpus.emodb import HELD_OUT, read_acted
 from training.flags import run_command
-from training.nn.checkpoint import PACKED, pack, read_bytes, read_model
+from training.nn.checkpoint import PACKED, pack, read_bytes
 from training.speech.emotion_ear import (
-    ARRAYS,
     EmotionEar,
-    EmotionEarConfig,
     EmotionEarNet,
     EmotionLayer,
     neutral_offset,
     neutral_voice,
+    read_ear,
     row_of,
 )
 from training.speech.emotion_windows import SAMPLES
@@ -56,6 +55,17 @@ SHOWN = 0.1
 `BEFORE` to `WHOLE_SHARE` are the constants of `rust-core/src/speech/emotion_ear/layer.rs`; `FLOOR` and `FULL`
 are those of `rust-core/src/speech/shown_emotion.rs`.
 """
+RECORDINGS = (
+    ("motion/grid_s1/audio", 25, 40), ("speech/kathleen_en", 40, 30), ("speech/kerstin_de", 20, 30),
+    ("speech/picovoice_en", 10, 60), ("speech/nathalie_nl", 30, 40), ("clips/librivox", 1, 5),
+    ("clips", 1, 5),
+)  # fmt: skip
+"""Folders of recordings, n (every n-th recording is measured), and the largest number of recordings.
+
+`clips` holds four acted clips and a public speech. The others are neutral readings.
+"""
+RECORDING_S = 6
+"""The first seconds of each recording that are measured."""
 READERS = {"grid_s1": ("motion/grid_s1/audio", 22), "nathalie_nl": ("speech/nathalie_nl", 28)}
 """Folder of each reader, and n: every n-th recording in it is used."""
 SLOWER = {"as they are": (1, 1), "a major third lower": (5, 4), "a fourth lower": (4, 3)}
@@ -122,6 +132,12 @@ def shown(shares: np.ndarray) -> tuple[float, int]:
     return float(intensity.max(initial=0.0)), 1 + int((power * intensity[:, None]).sum(axis=0).argmax())
 
 
+def shown_of(ear: EmotionEar, samples: np.ndarray) -> tuple[float, int]:
+    """`shown` of samples [S] at 16 kHz."""
+    heard = heard_of(ear.net, samples)
+    return shown(probabilities(ear, heard.rows, heard.weight)) if len(heard.rows) else (0.0, 0)
+
+
 class Count:
     """Counts how often a condition holds."""
 
@@ -155,11 +171,26 @@ def judge(
                     counts["joy from anger"].add((first[JOY] > first[ANGER]) == (clip.emotion == JOY))
                 intensity, most = shown(probabilities(ear, clip.rows + offset, clip.weight))
                 if clip.emotion == 0:
-                    counts["neutral, shown"].add(intensity > SHOWN)
+                    counts["neutral clips that show an emotion"].add(intensity > SHOWN)
                 else:
-                    counts["felt, shown"].add(intensity > SHOWN)
-                    counts["felt, shown as it was"].add(intensity > SHOWN and most == clip.emotion)
+                    counts["acted emotions shown"].add(intensity > SHOWN)
+                    counts["shown correctly"].add(intensity > SHOWN and most == clip.emotion)
     return counts
+
+
+def recordings(data: Path, measure: Callable[[np.ndarray], tuple[float, int]]) -> Iterable[str]:
+    """Tells how many of `RECORDINGS` show an emotion, and which. `measure` computes `shown` of samples."""
+    for folder, step, limit in RECORDINGS:
+        sounds = sorted(p for p in (data / folder).iterdir() if p.suffix in (".ogg", ".wav"))
+        paths = sounds[::step][:limit]
+        cut = (read_sound(path)[: RECORDING_S * SAMPLE_RATE_HZ].astype(np.float32) for path in paths)
+        emotions = [measure(samples) for samples in cut]
+        names = [
+            f"{path.stem} as {HEARD_EMOTIONS[most]} {intensity:.2f}"
+            for path, (intensity, most) in zip(paths, emotions, strict=True)
+            if intensity > SHOWN
+        ]
+        yield " ".join([f"{folder}: {len(names)} of {len(paths)} are shown", *names])
 
 
 def strangers(net: EmotionEarNet, ear: EmotionEar, data: Path) -> Iterable[str]:
@@ -193,14 +224,12 @@ def main(
 ) -> None:
     """Command line."""
     folder = shipped("emotion_ear")
-    config, state = read_model(folder)
-    net = EmotionEarNet(EmotionEarConfig.from_json(config)).eval()
-    net.load_state_dict({name: value for name, value in state.items() if name not in ARRAYS})
+    ear = read_ear(folder)
+    net = ear.net
     rows = Rows(windows, partial(heard_row, net))
     if write:
         write_readers(folder, rows.neutral_voices().mean(axis=0))
         return
-    ear = EmotionEar(*(state[name].double().numpy() for name in ARRAYS), net.config, net)
     actors: dict[str, list[Heard]] = defaultdict(list)
     for clip in read_acted(data):
         actors[clip.actor].append(heard_of(net, clip.samples, HEARD_EMOTIONS.index(clip.emotion)))
@@ -211,9 +240,13 @@ def main(
         ("an actor left out", actors, ears.__getitem__),
         ("actors held out", held_out, lambda _: ear),
     ):
+        clips = [clip for group in judged.values() for clip in group]
+        print(f"{name}: {len(clips)} clips, {sum(clip.emotion == 0 for clip in clips)} of them neutral")
         for seconds in SECONDS:
             results = judge(judged, ear_of, seconds).items()
             print(f"{name}, {seconds:.0f} s:", ", ".join(f"{what} {count}" for what, count in results))
+    for text in recordings(data, partial(shown_of, ear)):
+        print(text, flush=True)
     for text in strangers(net, ear, data):
         print(text, flush=True)
 

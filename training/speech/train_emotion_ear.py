@@ -1,11 +1,13 @@
 """Fits and measures the layer that reads emotions from the ear's network and the 118 numbers.
 
     python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --net runs/ear/net.pt
+    python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --measure
 
 Every actor's emotion is transferred to other speakers: its difference from his neutral voice is added to a
 reader's neutral voice. So the layer cannot recognise an emotion by the recordings in which it occurs.
-`--measure` leaves out each actor in turn instead of writing the model. Only the choice of reader for each
-acted clip is random, and it is seeded.
+`--measure` writes no model. It reads the shipped one and judges each actor by a layer that was fitted to its
+network without him; the shipped layer judges the held-out actors and readers. Only the choice of reader for
+each acted clip is random, and it is seeded.
 """
 
 from collections import Counter
@@ -21,13 +23,14 @@ import torch.nn.functional as F
 from training import shipped
 from training.corpus.emodb import HELD_OUT, SOURCE
 from training.flags import run_command
-from training.nn.checkpoint import write_model
+from training.nn.checkpoint import restored, write_model
 from training.speech.emotion_ear import (
     ARRAYS,
     LARGEST,
     EmotionEarConfig,
     EmotionEarNet,
     EmotionLayer,
+    read_ear,
     row_of,
 )
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
@@ -144,24 +147,29 @@ def leave_one_out(rows: Rows) -> dict[str, float]:
 
 def main(
     windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
-    net: Annotated[Path, "net.pt of training.speech.distil_emotion"],
+    net: Annotated[Path | None, "net.pt of training.speech.distil_emotion; none: the model's own"] = None,
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
     measure: Annotated[bool, "measure instead of writing the model"] = False,
 ) -> None:
     """Command line."""
-    saved = torch.load(net)
-    network = EmotionEarNet(EmotionEarConfig.from_json(saved["config"])).eval()
-    network.load_state_dict(saved["state"])
+    folder = models / "emotion_ear" if models else shipped("emotion_ear")
+    network = read_ear(folder).net if net is None else read_net(net)
     rows = Rows(windows, partial(heard_row, network))
     if measure:
         print("an actor left out", leave_one_out(rows))
+        report_held_out(rows, read_ear(folder))
         return
     left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
     layer = fitted(rows, rows.actor_rows[~left])
     state = {name: torch.from_numpy(x).float() for name, x in layer.arrays().items()} | network.state_dict()
-    folder = models / "emotion_ear" if models else shipped("emotion_ear")
     print(write_model(folder, state, network.config.to_json(), exact=ARRAYS))
     report_held_out(rows, layer)
+
+
+def read_net(path: Path) -> EmotionEarNet:
+    """The network of a `net.pt`."""
+    saved = torch.load(path)
+    return restored(EmotionEarNet(EmotionEarConfig.from_json(saved["config"])), saved["state"])
 
 
 def report_held_out(rows: Rows, layer: EmotionLayer) -> None:

@@ -4,8 +4,8 @@
         --whisper runs/whisper-base
 
 `training.speech.train_emotion_ear` fits such a layer to the small network that learned from Whisper. This
-layer is fitted to Whisper itself, in the same way on the same windows. `--measure` writes no model. It leaves
-out each actor in turn and counts how many readings of other speakers would show an emotion.
+layer is fitted to Whisper itself, in the same way on the same windows. `--measure` writes no model. It judges
+each actor by a layer fitted without him, and other speakers by the shipped layer.
 """
 
 from collections import defaultdict
@@ -17,14 +17,12 @@ import numpy as np
 import torch
 
 from training import shipped
-from training.corpus.clip import read_sound
 from training.corpus.emodb import HELD_OUT, read_acted
 from training.flags import run_command
 from training.nn.checkpoint import write_model
 from training.speech.distil_emotion import LAYERS, pooled
-from training.speech.emotion_ear import ARRAYS, EVERY, EmotionLayer, window_weights
-from training.speech.log_mel import SAMPLE_RATE_HZ
-from training.speech.neutral_voice import SHOWN, Count, probabilities, shown
+from training.speech.emotion_ear import ARRAYS, EVERY, EmotionLayer, read_layer, window_weights
+from training.speech.neutral_voice import SHOWN, Count, probabilities, recordings, shown
 from training.speech.train_emotion_ear import Rows, fitted, leave_one_out, report_held_out
 from training.speech.whisper import WhisperEncoder, load, whisper_mel
 from training.systems.emoface.emotion_encoder import (
@@ -40,13 +38,6 @@ from training.systems.emoface.emotion_encoder import (
 
 EXACT = ("mean", "scale", "bias", "readers", "first_bias")
 """Arrays that are stored in f32. Only `weight`, the layer's matrix, is stored in fewer bits."""
-READINGS = (
-    ("motion/grid_s1/audio", 25, 40), ("speech/kathleen_en", 40, 30), ("speech/kerstin_de", 20, 30),
-    ("speech/picovoice_en", 10, 60), ("speech/nathalie_nl", 30, 40), ("clips/librivox", 1, 5),
-    ("clips", 1, 5),
-)  # fmt: skip
-"""Folders of recordings, n (every n-th recording is measured), and the largest number of recordings."""
-LONGEST_S = 6
 FRAMES = 2
 """Number of 10 ms frames that one feature of Whisper covers."""
 LEAST_FEATURES = 2
@@ -83,30 +74,21 @@ def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
     return np.concatenate([pooled([layer[None] for layer in layers])[0].numpy(), numbers])
 
 
-def measure_over_time(encoder: WhisperEncoder, rows: Rows, data: Path) -> None:
-    """Prints how often emotions show: of actors, each left out of the fit in turn, and of other speakers."""
+def measure_over_time(encoder: WhisperEncoder, rows: Rows, layer: EmotionLayer, data: Path) -> None:
+    """Prints how often emotions show: of actors, each left out of a fit in turn, and of others by `layer`."""
     actor_rows, speaker = rows.actor_rows, rows.speaker[rows.actor_rows]
     layers = {actor: fitted(rows, actor_rows[speaker != actor]) for actor in sorted(set(speaker))}
     counts = defaultdict(Count)
     for clip in read_acted(data):
         emotion = HEARD_EMOTIONS.index(clip.emotion)
         intensity, most = shown_of(encoder, layers[clip.actor], clip.samples.astype(np.float32))
-        counts["neutral, shown" if emotion == 0 else "felt, shown"].add(intensity > SHOWN)
+        what = "neutral clips that show an emotion" if emotion == 0 else "acted emotions shown"
+        counts[what].add(intensity > SHOWN)
         if emotion != 0:
-            counts["felt, shown as it was"].add(intensity > SHOWN and most == emotion)
+            counts["shown correctly"].add(intensity > SHOWN and most == emotion)
     print("an actor left out:", ", ".join(f"{what} {count}" for what, count in counts.items()))
-    layer = fitted(rows, actor_rows[~np.isin(speaker, HELD_OUT)])
-    for folder, step, limit in READINGS:
-        sounds = sorted(p for p in (data / folder).iterdir() if p.suffix in (".ogg", ".wav"))
-        paths = sounds[::step][:limit]
-        cut = (read_sound(path)[: LONGEST_S * SAMPLE_RATE_HZ].astype(np.float32) for path in paths)
-        emotions = [shown_of(encoder, layer, samples) for samples in cut]
-        names = [
-            f"{path.stem} as {HEARD_EMOTIONS[most]} {intensity:.2f}"
-            for path, (intensity, most) in zip(paths, emotions, strict=True)
-            if intensity > SHOWN
-        ]
-        print(f"{folder}: {len(names)} of {len(paths)} are shown", *names, flush=True)
+    for text in recordings(data, partial(shown_of, encoder, layer)):
+        print(text, flush=True)
 
 
 def shown_of(encoder: WhisperEncoder, layer: EmotionLayer, samples: np.ndarray) -> tuple[float, int]:
@@ -126,13 +108,15 @@ def main(
     """Command line."""
     encoder = load(whisper)
     rows = Rows(windows, partial(last_row, encoder))
-    left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
-    if measure is not None:
-        print("an actor left out", leave_one_out(rows))
-        measure_over_time(encoder, rows, measure)
-        return
-    layer = fitted(rows, rows.actor_rows[~left])
     folder = models / "emotion_of_whisper" if models else shipped("emotion_of_whisper")
+    if measure is not None:
+        layer = read_layer(folder)
+        print("an actor left out", leave_one_out(rows))
+        report_held_out(rows, layer)
+        measure_over_time(encoder, rows, layer, measure)
+        return
+    left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
+    layer = fitted(rows, rows.actor_rows[~left])
     print(write(folder, layer, encoder))
     report_held_out(rows, layer)
 

@@ -1,19 +1,29 @@
 """The ear for emotion: what it hears, how it learns, and that the recording's source says nothing."""
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
+import soundfile
 import torch
 
+from training import shipped
 from training.corpus.emodb import SOURCE
+from training.nn.checkpoint import write_model
 from training.speech.distil_emotion import cut, directions, moved, pooled
 from training.speech.emotion_ear import (
+    ARRAYS,
     HALF_BELIEVED,
     EmotionEarConfig,
     EmotionEarNet,
     inputs_of,
     neutral_offset,
     neutral_voice,
+    read_ear,
+    read_layer,
     rows_of,
 )
+from training.speech.neutral_voice import RECORDINGS, recordings, shown_of
 from training.speech.train_emotion_ear import Rows, fitted
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, NUMBERS, instants, voice_of
 from training.systems.emoface.golden_emotion_encoder import made_voice
@@ -106,3 +116,27 @@ def test_an_ear_keeps_the_mean_voice_of_readers():
     rows = rows_of_strangers(np.random.default_rng(0))
     ear = fitted(rows, rows.actor_rows)
     assert np.allclose(ear.readers, rows.neutral_voices().mean(axis=0)) and "readers" in ear.arrays()
+
+
+def test_an_ear_is_read_as_it_was_written(tmp_path: Path):
+    torch.manual_seed(0)
+    rows = rows_of_strangers(np.random.default_rng(0))
+    layer, net = fitted(rows, rows.actor_rows), EmotionEarNet(SMALL).eval()
+    arrays = {name: torch.from_numpy(x).float() for name, x in layer.arrays().items()}
+    write_model(tmp_path, arrays | net.state_dict(), SMALL.to_json(), exact=("",))
+    ear = read_ear(tmp_path)
+    assert all(np.array_equal(x.numpy(), getattr(ear, name)) for name, x in arrays.items())
+    assert all(np.array_equal(getattr(read_layer(tmp_path), name), getattr(ear, name)) for name in ARRAYS)
+    voice = voice_of(made_voice())
+    assert np.array_equal(rows_of(net, voice), rows_of(ear.net, voice))
+
+
+def test_recordings_of_each_folder_are_counted(tmp_path: Path):
+    for folder, _, _ in RECORDINGS:
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        soundfile.write(tmp_path / folder / "one.wav", made_voice(), 16000)
+    ear = read_ear(shipped("emotion_ear"))
+    lines = list(recordings(tmp_path, partial(shown_of, ear)))
+    assert len(lines) == len(RECORDINGS) and all(" of 1 are shown" in line for line in lines)
+    always = list(recordings(tmp_path, lambda samples: (0.5, 1)))
+    assert always[0] == "motion/grid_s1/audio: 1 of 1 are shown one as angry 0.50"
