@@ -12,6 +12,7 @@ import statistics
 import subprocess
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -72,12 +73,26 @@ def run(command: list, cache: Path) -> Cost:
     """Runs a command to its end."""
     began = time.perf_counter()
     environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
-    child = subprocess.Popen(list(map(str, command)), env=environment, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(child.pid, 0)
-    wall_s = time.perf_counter() - began
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    child = subprocess.Popen(list(map(str, command)), env=environment, **quiet)
+    memory_mib = 0.0
+    # The peak that wait4 reports counts this process too, of which the child was a copy for a moment.
+    while not (ended := os.wait4(child.pid, os.WNOHANG))[0]:
+        memory_mib = max(memory_mib, peak_mib(child.pid))
+        time.sleep(0.005)
+    wall_s, (_, status, usage) = time.perf_counter() - began, ended
     if status:
         raise RuntimeError(f"{command}: status {status}")
-    return Cost(wall_s, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+    return Cost(wall_s, usage.ru_utime + usage.ru_stime, memory_mib)
+
+
+def peak_mib(pid: int) -> float:
+    """The largest memory of a process so far. 0 after its end."""
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return 0.0
 
 
 def median(costs: list[Cost]) -> str:

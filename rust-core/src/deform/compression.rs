@@ -19,7 +19,7 @@ use self::{
 use super::VertexClip;
 use crate::{
     Error, Result,
-    job::{ProgressFn, report},
+    job::{Progress, ProgressFn, report},
     nn::matrix::{self, product, view, view_mut},
 };
 
@@ -91,8 +91,12 @@ pub fn compress(
         return Err(Error::InvalidInput(message.into()));
     }
     report(progress, "compress", 0.0)?;
-    let reduced = Reduced::new(&flat, max_shapes.min(frames), progress)?;
-    let best = choose(&flat, &reduced, max_error, progress)?;
+    let most = max_shapes.min(frames);
+    let best = choose(&flat, most, vec![1.0; vertices], max_error, progress)?;
+    let best = match best.error > max_error {
+        true => choose_for_the_worst(&flat, most, best, max_error, progress)?,
+        false => best,
+    };
     let mut chosen = best.full.first(best.count);
     let error = match best.count > MOVING {
         true => {
@@ -112,16 +116,52 @@ struct Choice {
     error: f32,
 }
 
-/// Tries several weightings of the vertices for the fewest components that leave at most `max_error`.
-fn choose(
+/// Searches once more among the motion that the worst vertices of `first` need.
+///
+/// The components of a long clip come from the few directions in time in which most vertices move.
+/// A small part that moves in its own way, such as the tongue, may need others: in 50 s of speech on
+/// the default head 256 components left it farther away than 0.1 mm; 193 of this second search do not.
+fn choose_for_the_worst(
     flat: &Array2<f32>,
-    reduced: &Reduced,
+    most: usize,
+    first: Choice,
     max_error: f32,
     progress: ProgressFn<'_>,
 ) -> Result<Choice> {
-    let vertices = flat.ncols() / 3;
-    let mut weights = vec![1.0; vertices];
-    let all: Vec<usize> = (0..vertices).step_by(VERTICES_PER_TASK).collect();
+    let all = tasks_of(flat);
+    let left = errors_of_vertices(flat, &first.full, first.count * 3 / 4, &all);
+    let mut weights = vec![1.0; left.len()];
+    emphasise(&mut weights, &left, max_error);
+    // The first search has reported 0.6.
+    let rest = |here: Progress| {
+        progress(Progress {
+            fraction: 0.6 + 0.4 * here.fraction,
+            ..here
+        })
+    };
+    let second = choose(flat, most, weights, max_error, &rest)?;
+    Ok(match second.error < first.error {
+        true => second,
+        false => first,
+    })
+}
+
+/// The first vertex of each group of [`VERTICES_PER_TASK`] vertices.
+fn tasks_of(flat: &Array2<f32>) -> Vec<usize> {
+    (0..flat.ncols() / 3).step_by(VERTICES_PER_TASK).collect()
+}
+
+/// Tries several weightings of the vertices, `weights` `[V]` first, for the fewest components, at
+/// most `most`, that leave at most `max_error`.
+fn choose(
+    flat: &Array2<f32>,
+    most: usize,
+    mut weights: Vec<f32>,
+    max_error: f32,
+    progress: ProgressFn<'_>,
+) -> Result<Choice> {
+    let reduced = Reduced::new(flat, most, &weights, progress)?;
+    let all = tasks_of(flat);
     let full = reduced.components(&weights)?;
     let (count, error) = fewest(flat, &full, max_error, FIRST_COUNT, &all);
     let mut best = Choice { full, count, error };
@@ -328,6 +368,43 @@ mod tests {
         bad.displacements[[2, 3, 1]] = f32::NAN;
         assert!(compress(&bad, 0.1, 8, SILENT).is_err());
         assert!(compress(&clip(5, 7), -1.0, 8, SILENT).is_err());
+    }
+
+    /// Many vertices move a little in many ways, which takes all shapes if the sum of errors counts.
+    /// Few vertices move farther, each in its own way.
+    #[test]
+    fn a_small_part_with_motion_of_its_own_stays_within_the_bound() {
+        let (frames, many, few, ways) = (160, 900, 8, 80);
+        let noise = |seed: usize| {
+            let x = (seed as f32 * 12.9898).sin() * 43_758.547;
+            2.0 * (x - x.floor()) - 1.0
+        };
+        let of_way = |t: usize, way: usize| noise(1 + t * ways + way);
+        let displacements = Array3::from_shape_fn((frames, many + few, 3), |(t, v, x)| {
+            let coordinate = 3 * v + x;
+            match v < many {
+                true => (0..ways)
+                    .map(|way| 0.02 * of_way(t, way) * noise(50_000 + coordinate * ways + way))
+                    .sum(),
+                false => 0.5 * noise(900_000 + t * 3 * (many + few) + coordinate),
+            }
+        });
+        let clip = VertexClip {
+            displacements,
+            fps: 30.0,
+        };
+        let basis = compress(&clip, 0.35, 60, SILENT).unwrap();
+        assert!(basis.max_error <= 0.35, "{}", basis.max_error);
+        let unweighted = Reduced::new(&flat_of(&clip), 60, &[1.0; 908], SILENT).unwrap();
+        let full = unweighted.components(&[1.0; 908]).unwrap();
+        let all = tasks_of(&flat_of(&clip));
+        assert!(largest_error(&flat_of(&clip), &full, 60, &all) > 0.35);
+    }
+
+    fn flat_of(clip: &VertexClip) -> Array2<f32> {
+        let (frames, vertices, _) = clip.displacements.dim();
+        let flat = clip.displacements.to_shape((frames, 3 * vertices));
+        flat.unwrap().into_owned()
     }
 
     #[test]

@@ -45,7 +45,14 @@ pub(super) struct Reduced {
 }
 
 impl Reduced {
-    pub fn new(flat: &Array2<f32>, most: usize, progress: ProgressFn<'_>) -> Result<Reduced> {
+    /// Finds the directions for at most `most` components, in which each vertex counts by its weight
+    /// in `weights` `[V]`.
+    pub fn new(
+        flat: &Array2<f32>,
+        most: usize,
+        weights: &[f32],
+        progress: ProgressFn<'_>,
+    ) -> Result<Reduced> {
         let frames = flat.nrows();
         if frames == 0 || flat.ncols() == 0 {
             return Ok(Reduced {
@@ -55,7 +62,7 @@ impl Reduced {
             });
         }
         let range = match frames > most + SPARE {
-            true => range_of_frames(flat, most + SPARE, progress)?,
+            true => range_of_frames(flat, most + SPARE, weights, progress)?,
             false => Array2::eye(frames),
         };
         let projected = transposed_product(flat, &range);
@@ -85,20 +92,25 @@ impl Reduced {
     }
 }
 
-/// Orthonormal `[T, width]` whose columns nearly span the frames.
+/// Orthonormal `[T, width]` whose columns nearly span the frames of the clip in which the
+/// coordinates of each vertex are multiplied by the root of its weight.
 fn range_of_frames(
     flat: &Array2<f32>,
     width: usize,
+    weights: &[f32],
     progress: ProgressFn<'_>,
 ) -> Result<Array2<f32>> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let uniform = 2.0f32.powi(-31);
-    let probe = Array2::from_shape_fn((flat.ncols(), width), |_| {
-        rng.next_u32() as f32 * uniform - 1.0
+    let probe = Array2::from_shape_fn((flat.ncols(), width), |(row, _)| {
+        (rng.next_u32() as f32 * uniform - 1.0) * weights[row / 3].sqrt()
     });
     let first = orthonormal(&row_product(flat, &probe));
     report(progress, "compress", 0.2)?;
-    let back = transposed_product(flat, &first);
+    let mut back = transposed_product(flat, &first);
+    for (row, mut values) in back.rows_mut().into_iter().enumerate() {
+        values *= weights[row / 3];
+    }
     report(progress, "compress", 0.35)?;
     Ok(orthonormal(&row_product(flat, &back)))
 }
