@@ -278,7 +278,7 @@ def test_a_face_that_is_deleted_while_it_is_written(addon, monkeypatch, ready):
 
     monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
     word, messages, _ = ready.press()
-    assert word == "CANCELLED" and "deleted or undone meanwhile" in messages[-1][1]
+    assert word == "CANCELLED" and "deleted or undone" in messages[-1][1]
     assert not addon("ui.running").is_running()
 
 

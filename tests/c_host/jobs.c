@@ -410,7 +410,7 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     static float moved[3 * ANYFACE_LANDMARK_COUNT];
     CHECK_OK(anyface_motion_new_displacements(moved, 1, 24.0, &motion, &error));
     CHECK_FAILS(anyface_motion_copy_mask(motion, emotion, face, 0, mask, count, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "spoken");
+                ANYFACE_STATUS_INVALID_INPUT, "motion of a sound");
     anyface_motion_free(motion);
     // Silence is a sound like any other, of which the mask can be asked.
     static float nothing[16000];

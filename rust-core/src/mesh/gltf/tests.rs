@@ -136,7 +136,7 @@ fn what_nodes_show_again_is_bounded() {
             &format!(r#""nodes":[{}]"#, roots.join(",")),
         );
     let message = refused(&glb(&json, &data()));
-    assert!(message.contains("without measure"), "{message}");
+    assert!(message.contains("the scene is too large"), "{message}");
 }
 
 #[test]

@@ -337,7 +337,7 @@ mod tests {
         let mut stream = stream();
         let contempt = Emotion::parse("contempt:1").unwrap();
         let refused = stream.set_emotion(&contempt).unwrap_err().to_string();
-        assert!(refused.contains("was taught"), "{refused}");
+        assert!(refused.contains("branch knows"), "{refused}");
     }
 
     #[test]
