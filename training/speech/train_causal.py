@@ -31,6 +31,7 @@ from training.speech.causal import (
     StreamConfig,
     StreamNet,
     debug_config,
+    describe,
     load_stream,
     normalise_running,
     pad_mel,
@@ -165,8 +166,7 @@ def measure(arguments) -> None:
     seeded(arguments)
     arguments.voices = 1
     model = load_stream(arguments.finished)
-    parameters = sum(x.numel() for x in model.parameters())
-    print(f"{parameters / 1e6:.2f} million parameters, look-ahead {1e3 * model.config.look_ahead_s()} ms")
+    print(describe(model))
     encoder = load_encoder(SHIPPED_ENCODER).eval()
     for name, share in validate(model, encoder, prepare(arguments), HELD_OUT_CLIPS).items():
         print(f"{name} {share:.2f}")
