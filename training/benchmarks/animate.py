@@ -22,6 +22,7 @@ import soundfile
 from safetensors.numpy import load_file
 
 from training import DATA
+from training.corpus.remesh import quartered
 from training.corpus.topology import write_obj
 from training.engine import Engine
 from training.flags import run_command
@@ -42,19 +43,6 @@ class Cost:
     memory_mib: float
 
 
-def cut_in_four(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Adds the middles of all edges, [V, 3] and [T, 3] to [V + E, 3] and [4 T, 3]."""
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    edges, place = np.unique(edges, axis=0, return_inverse=True)
-    ab, bc, ca = (place.reshape(-1, 3) + len(points)).T
-    a, b, c = triangles.T
-    corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return (
-        np.concatenate([points, points[edges].mean(axis=1)]),
-        np.concatenate([np.stack(corner, axis=1) for corner in corners]),
-    )
-
-
 def write_heads(data: Path, out: Path) -> dict[int, Path]:
     """Writes the head in metres for each number of cuts. Returns paths by number of vertices."""
     head = load_file(data / "faces/ict_facekit.safetensors")
@@ -62,7 +50,8 @@ def write_heads(data: Path, out: Path) -> dict[int, Path]:
     paths = {}
     for cuts in range(max(CUTS) + 1):
         if cuts:
-            points, triangles = cut_in_four(points, triangles)
+            grow, triangles = quartered(triangles, len(points))
+            points = grow @ points
         if cuts in CUTS:
             paths[len(points)] = out / f"head_{cuts}.obj"
             write_obj(paths[len(points)], points, triangles)

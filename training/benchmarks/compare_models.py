@@ -59,12 +59,10 @@ class Difference:
         moving = motion.max(axis=0) > motion.max() / 10
         return cls(apart.max(), apart[:, moving].mean(), motion.max(), motion[:, moving].mean())
 
-    def cells(self) -> str:
-        """The two columns of the table."""
-        return " | ".join(
-            f"{length:.3f} mm ({100 * length / motion:.1f} %)"
-            for length, motion in ((self.largest, self.largest_motion), (self.mean, self.mean_motion))
-        )
+
+def cell(length: float, motion: float) -> str:
+    """A length in mm and its share of a motion."""
+    return f"{length:.3f} mm ({100 * length / motion:.1f} %)"
 
 
 def head_scale(landmarks: np.ndarray, neutral: np.ndarray) -> float:
@@ -111,9 +109,9 @@ def main(
         heads = [compare(anyface.resolve(), options, data / head, clips, neutral) for head in HEADS]
     print("| | largest | mean |\n| --- | --- | --- |")
     for name in SYSTEMS:
-        largest = max((head[name] for head in heads), key=lambda difference: difference.largest)
+        far = max((head[name] for head in heads), key=lambda difference: difference.largest)
         mean = max((head[name] for head in heads), key=lambda difference: difference.mean)
-        print(f"| {name} | {largest.cells().split(' | ')[0]} | {mean.cells().split(' | ')[1]} |")
+        print(f"| {name} | {cell(far.largest, far.largest_motion)} | {cell(mean.mean, mean.mean_motion)} |")
 
 
 if __name__ == "__main__":

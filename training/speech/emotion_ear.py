@@ -127,10 +127,15 @@ class EmotionLayer:
         return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
 
 
+def layer_arrays(state: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
+    """The arrays of the layer among those of a model."""
+    return {name: state[name].double().numpy() for name in ARRAYS}
+
+
 def read_layer(folder: Path) -> EmotionLayer:
     """The layer of a model folder, without the network that may lie beside it."""
     _, state = read_model(folder)
-    return EmotionLayer(**{name: state[name].double().numpy() for name in ARRAYS})
+    return EmotionLayer(**layer_arrays(state))
 
 
 @dataclass
@@ -150,7 +155,7 @@ def read_ear(folder: Path) -> EmotionEar:
     config, state = read_model(folder)
     net = EmotionEarNet(EmotionEarConfig.from_json(config))
     restored(net, {name: value for name, value in state.items() if name not in ARRAYS})
-    return EmotionEar(**read_layer(folder).arrays(), config=net.config, net=net)
+    return EmotionEar(**layer_arrays(state), config=net.config, net=net)
 
 
 def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:

@@ -1,14 +1,15 @@
-"""Tests of the benchmark of `anyface animate`."""
+"""Tests of meshes with more or fewer triangles."""
 
 import numpy as np
 
-from training.benchmarks.animate import cut_in_four
+from training.corpus.remesh import quartered
 
 
 def test_a_triangle_becomes_four_of_the_same_area():
     points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [2.0, 2.0, 0.0]])
     triangles = np.array([[0, 1, 2], [1, 3, 2]])
-    cut, four = cut_in_four(points, triangles)
+    grow, four = quartered(triangles, len(points))
+    cut = grow @ points
     assert len(cut) == 4 + 5  # five edges, one of them shared
     assert len(four) == 8
     corners = cut[four]
