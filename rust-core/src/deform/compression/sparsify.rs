@@ -6,13 +6,18 @@
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
+use super::largest;
 use crate::nn::matrix::{self, product, view, view_mut};
 
 /// A frame in which at most this many shapes move is left as it is.
 pub(super) const MOVING: usize = 20;
 /// For each shape the error is first measured in this many regions, at the vertex that the shape
 /// moves farthest. A missing shape shows there first.
-const FARTHEST: usize = 48;
+const FARTHEST: usize = 8;
+/// Vertices that are measured before a look ends at the first error.
+const VERTICES_PER_LOOK: usize = 64;
+/// Frames with an error are done again this many times, the last time with all vertices.
+const LOOKS: usize = 4;
 /// Frames whose error is measured together.
 const FRAMES_PER_TASK: usize = 16;
 /// The vertices of a mesh are divided into this many regions, in the order of their numbers.
@@ -31,27 +36,34 @@ pub(super) fn sparsify(
 ) -> f32 {
     let mut bounds = vec![max_error; weights.nrows()];
     if error > max_error {
-        let before = errors_of_frames(flat, weights, shapes).into_iter();
-        bounds = before.map(|e| e.max(max_error)).collect();
+        let before = farthest_of_frames(flat, weights, shapes).into_iter();
+        bounds = before.map(|(error, _)| error.max(max_error)).collect();
     }
-    let largest = |errors: &[f32]| errors.iter().copied().fold(0.0, f32::max);
     let full = weights.clone();
-    let frames: Vec<usize> = (0..weights.nrows()).collect();
-    let farthest = Rows::farthest(shapes);
-    farthest.sparsify(flat, weights, &frames, &bounds);
-    let errors = errors_of_frames(flat, weights, shapes);
-    // In some frames a vertex that was not measured moved too far: redo them with all vertices.
-    let mut again = frames;
-    again.retain(|&t| errors[t] > bounds[t]);
-    if again.is_empty() {
-        return largest(&errors);
+    let mut frames: Vec<usize> = (0..weights.nrows()).collect();
+    let mut rows = Rows::farthest(shapes);
+    for look in 0..=LOOKS {
+        rows.sparsify(flat, weights, &frames, &bounds);
+        let farthest = farthest_of_frames(flat, weights, shapes);
+        frames.retain(|&t| farthest[t].0 > bounds[t]);
+        if frames.is_empty() {
+            return farthest.iter().fold(0.0, |error, one| one.0.max(error));
+        }
+        // A vertex that was not measured moved too far: these frames are done again with it.
+        for &t in &frames {
+            weights.row_mut(t).assign(&full.row(t));
+        }
+        let mut vertices = rows.vertices;
+        match look + 1 < LOOKS {
+            true => vertices.extend(frames.iter().map(|&t| farthest[t].1)),
+            false => vertices = (0..shapes.nrows() / 3).collect(),
+        }
+        vertices.sort_unstable();
+        vertices.dedup();
+        rows = Rows::of(vertices, shapes);
     }
-    for &t in &again {
-        weights.row_mut(t).assign(&full.row(t));
-    }
-    let every = Rows::of((0..shapes.nrows() / 3).collect(), shapes);
-    every.sparsify(flat, weights, &again, &bounds);
-    largest(&errors_of_frames(flat, weights, shapes))
+    let left = farthest_of_frames(flat, weights, shapes).into_iter();
+    left.fold(0.0, |error, one| one.0.max(error))
 }
 
 /// Some vertices, and the part of each shape that moves them.
@@ -124,6 +136,7 @@ impl Rows {
         let reach = |k: &usize| weights[*k].abs() * self.sizes[*k];
         let mut order: Vec<usize> = (0..weights.len()).collect();
         order.sort_by(|a, b| reach(a).total_cmp(&reach(b)));
+        let mut without = vec![0.0; left.len()];
         for k in order {
             if moving <= MOVING {
                 break;
@@ -131,9 +144,9 @@ impl Rows {
             if weights[k] == 0.0 {
                 continue;
             }
-            let without = self.without(&left, k, weights[k]);
-            if longest_square(&without) <= bound * bound {
-                (left, weights[k]) = (without, 0.0);
+            if self.leave_out(&left, k, weights[k], bound, &mut without) {
+                (left, without) = (without, left);
+                weights[k] = 0.0;
                 moving -= 1;
             }
         }
@@ -152,13 +165,22 @@ impl Rows {
         left
     }
 
-    fn without(&self, left: &[f32], k: usize, weight: f32) -> Vec<f32> {
+    /// Writes what is left of a frame without the weighted shape `k` into `out` `[3n]`. Returns
+    /// whether all vertices stay within `bound`; if not, `out` is not complete.
+    fn leave_out(&self, left: &[f32], k: usize, weight: f32, bound: f32, out: &mut [f32]) -> bool {
         let shape = self.shapes.row(k);
-        let shape = shape.to_slice().expect("row-major");
-        left.iter()
-            .zip(shape)
-            .map(|(l, s)| l + weight * s)
-            .collect()
+        let shape = shape
+            .to_slice()
+            .expect("row-major")
+            .chunks(3 * VERTICES_PER_LOOK);
+        let left = left.chunks(3 * VERTICES_PER_LOOK);
+        let mut parts = out.chunks_mut(3 * VERTICES_PER_LOOK).zip(left.zip(shape));
+        parts.all(|(out, (left, shape))| {
+            for (out, (left, shape)) in out.iter_mut().zip(left.iter().zip(shape)) {
+                *out = left + weight * shape;
+            }
+            longest_square(out) <= bound * bound
+        })
     }
 }
 
@@ -179,17 +201,28 @@ fn farthest_of_each(rows: &[f32], count: usize, first: usize) -> Vec<(f32, usize
 
 /// Square of the longest of `vectors` `[3n]`.
 fn longest_square(vectors: &[f32]) -> f32 {
-    let squares = vectors
-        .chunks_exact(3)
-        .map(|d| d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    squares.fold(0.0, f32::max)
+    let square = |d: &[f32; 3]| d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    let mut squares = [0.0; VERTICES_PER_LOOK];
+    let longest = vectors.chunks(3 * VERTICES_PER_LOOK).map(|vectors| {
+        let (vectors, _) = vectors.as_chunks::<3>();
+        let squares = &mut squares[..vectors.len()];
+        for (out, vector) in squares.iter_mut().zip(vectors) {
+            *out = square(vector);
+        }
+        largest(squares)
+    });
+    longest.fold(0.0, f32::max)
 }
 
-/// The largest distance of any vertex from its place in each frame, `[T]`.
-fn errors_of_frames(flat: &Array2<f32>, weights: &Array2<f32>, shapes: &Array2<f32>) -> Vec<f32> {
+/// For each frame the vertex that is farthest from its place: its distance, mesh units, and number.
+fn farthest_of_frames(
+    flat: &Array2<f32>,
+    weights: &Array2<f32>,
+    shapes: &Array2<f32>,
+) -> Vec<(f32, usize)> {
     let (frames, coordinates) = flat.dim();
     let starts: Vec<usize> = (0..frames).step_by(FRAMES_PER_TASK).collect();
-    let errors_of = |&first: &usize| {
+    let farthest_in = |&first: &usize| {
         let count = FRAMES_PER_TASK.min(frames - first);
         let weights = view(weights).subrows(first, count);
         let mut left = vec![0.0; count * coordinates];
@@ -201,10 +234,27 @@ fn errors_of_frames(flat: &Array2<f32>, weights: &Array2<f32>, shapes: &Array2<f
         let there = matrix::values(flat)[first * coordinates..].iter();
         left.iter_mut().zip(there).for_each(|(l, t)| *l = t - *l);
         let rows = left.chunks_exact(coordinates);
-        rows.map(|row| longest_square(row).sqrt())
-            .collect::<Vec<f32>>()
+        rows.map(farthest).collect::<Vec<_>>()
     };
-    starts.par_iter().map(errors_of).flatten_iter().collect()
+    starts.par_iter().map(farthest_in).flatten_iter().collect()
+}
+
+/// The length of the longest of `vectors` `[3n]`, and its number.
+fn farthest(vectors: &[f32]) -> (f32, usize) {
+    let blocks = vectors.chunks(3 * VERTICES_PER_LOOK).map(longest_square);
+    let longest = |best: (f32, usize), (number, square): (usize, f32)| match square > best.0 {
+        true => (square, number),
+        false => best,
+    };
+    let (square, block) = blocks.enumerate().fold((0.0, 0), |best, (number, square)| {
+        longest(best, (number, square))
+    });
+    let first = VERTICES_PER_LOOK * block;
+    let vectors = vectors[3 * first..].chunks_exact(3).map(longest_square);
+    let number = vectors
+        .take(VERTICES_PER_LOOK)
+        .position(|one| one == square);
+    (square.sqrt(), first + number.unwrap_or(0))
 }
 
 #[cfg(test)]
