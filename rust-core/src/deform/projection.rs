@@ -1,7 +1,7 @@
 //! Fits the shapes of a basis to other motion, using only some of the vertices where they suffice.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, ArrayView2};
 
 use super::compression::VertexBasis;
 use crate::{
@@ -41,7 +41,7 @@ impl Projection {
             shape.mapv_inplace(|x| x / length.max(f32::MIN_POSITIVE));
             lengths.push(length.max(f32::MIN_POSITIVE));
         }
-        let products = products(&shapes, &shapes);
+        let products = products(shapes.view(), &shapes);
         let gram = Mat::from_fn(count, count, |i, j| {
             let ridge = if i == j { RIDGE } else { 0.0 };
             f64::from(0.5 * (products[[i, j]] + products[[j, i]])) + ridge
@@ -76,11 +76,9 @@ impl Projection {
     /// `[T, K]`: the weights that bring the shapes nearest to `displacements` `[T, S, 3]`, mesh units.
     pub fn weights(&self, displacements: &Array3<f32>) -> Array2<f32> {
         let (frames, vertices, _) = displacements.dim();
-        let flat = displacements.to_shape((frames, 3 * vertices));
-        let along = products(
-            &flat.expect("the same number of values").into_owned(),
-            &self.shapes,
-        );
+        let rows = displacements.as_standard_layout();
+        let flat = rows.view().into_shape_with_order((frames, 3 * vertices));
+        let along = products(flat.expect("row-major"), &self.shapes);
         Array2::from_shape_fn((frames, self.shapes()), |(t, k)| {
             let sum: f64 = (0..self.shapes())
                 .map(|j| f64::from(along[[t, j]]) * self.inverse[(j, k)])
@@ -124,7 +122,7 @@ pub fn choose_probes(basis: &VertexBasis, count: usize) -> Vec<u32> {
 }
 
 /// `lhs · rhsᵀ` of `[N, 3S]` and `[K, 3S]`, with row blocks in parallel.
-fn products(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
+fn products(lhs: ArrayView2<'_, f32>, rhs: &Array2<f32>) -> Array2<f32> {
     let (count, length) = rhs.dim();
     by_row_blocks(lhs.nrows(), count, |rows, out| {
         let values = lhs.slice(ndarray::s![rows, ..]);
@@ -181,7 +179,7 @@ mod tests {
         let left = (moved - basis.displacements())
             .into_shape_with_order((5, 120))
             .unwrap();
-        let along = products(&left, &projection.shapes);
+        let along = products(left.view(), &projection.shapes);
         assert!(along.iter().all(|x| x.abs() < 1e-4), "{along}");
     }
 

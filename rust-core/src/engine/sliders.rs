@@ -7,7 +7,8 @@
 
 use std::collections::BTreeSet;
 
-use ndarray::{Array1, Array2, Array3, ArrayView1, Axis};
+use ndarray::{Array2, Array3, ArrayViewMut1, Axis};
+use rayon::prelude::*;
 
 use super::{Engine, Performance};
 use crate::{
@@ -262,6 +263,20 @@ struct Way<'a> {
     probes: Vec<usize>,
 }
 
+/// The rows of some vertices of `[F, V, 3]`.
+fn rows_of(moved: &Array3<f32>, vertices: &[usize]) -> Array3<f32> {
+    let (frames, _, axes) = moved.dim();
+    let mut rows = Array3::zeros((frames, vertices.len(), axes));
+    for (mut to, from) in rows.outer_iter_mut().zip(moved.outer_iter()) {
+        let (to, from) = (to.as_slice_mut(), from.as_slice());
+        let (to, from) = (to.expect("row-major"), from.expect("row-major"));
+        for (to, &v) in to.chunks_exact_mut(axes).zip(vertices) {
+            to.copy_from_slice(&from[axes * v..axes * (v + 1)]);
+        }
+    }
+    rows
+}
+
 /// A motion with its head, eyes and tongue.
 type Moving<'a> = (&'a Motion, &'a Life);
 
@@ -281,7 +296,7 @@ impl Way<'_> {
         if let Some(tongue) = &self.tongue {
             tongue.speak(life.tongue.select(Axis(0), frames).view(), &mut moved);
         }
-        Ok(moved.select(Axis(1), &self.probe_indices))
+        Ok(rows_of(&moved, &self.probe_indices))
     }
 
     fn of_landmarks(
@@ -296,7 +311,7 @@ impl Way<'_> {
             Some(few) => few.deform(landmarks.view(), progress),
             None => {
                 let all = self.deformer.deform(landmarks.view(), progress)?;
-                Ok(all.select(Axis(1), &self.vertices))
+                Ok(rows_of(&all, &self.vertices))
             }
         }
     }
@@ -394,36 +409,38 @@ impl Measure<'_> {
                 || has_tongue && take.1.tongue.row(*t) != varied.1.tongue.row(*t)
         };
         let frames: Vec<usize> = (0..count).filter(differs).collect();
-        let mut out = Array2::zeros((count, self.projection.shapes()));
-        for frames in frames.chunks(FRAMES_AT_ONCE) {
+        let changes = frames.par_chunks(FRAMES_AT_ONCE).map(|frames| {
             let mut moved = self.moved(varied, frames, progress)?;
             if let Motion::Codes(_) = take.0 {
                 // The clip contains what the codes add to the landmarks. Both motions have the same
                 // codes, so the difference from the take's own motion is free of it.
                 moved -= &self.moved(take, frames, progress)?;
             }
-            for (&t, weights) in frames
-                .iter()
-                .zip(self.projection.weights(&moved).outer_iter())
-            {
-                out.row_mut(t).assign(&self.few_of(t, weights));
+            let mut weights = self.projection.weights(&moved);
+            for (&t, row) in frames.iter().zip(weights.outer_iter_mut()) {
+                self.keep_few(t, row);
             }
+            Ok(weights)
+        });
+        let changes: Vec<Array2<f32>> = changes.collect::<Result<_>>()?;
+        let mut out = Array2::zeros((count, self.projection.shapes()));
+        let rows = changes.iter().flat_map(|part| part.outer_iter());
+        for (&t, row) in frames.iter().zip(rows) {
+            out.row_mut(t).assign(&row);
         }
         Ok(out)
     }
 
     /// Limits the change `[K]` of a frame. Shapes that the take moves keep theirs; of the others,
     /// only those that move the face most do.
-    fn few_of(&self, frame: usize, change: ArrayView1<'_, f32>) -> Array1<f32> {
+    fn keep_few(&self, frame: usize, mut change: ArrayViewMut1<'_, f32>) {
         let take = self.basis.weights.row(frame);
         let reach = |k: usize| change[k].abs() * self.sizes[k];
         let mut still: Vec<usize> = (0..take.len()).filter(|&k| take[k] == 0.0).collect();
         still.sort_by(|&a, &b| reach(b).total_cmp(&reach(a)));
-        let mut few = change.to_owned();
         for &k in still.iter().skip(self.beside) {
-            few[k] = 0.0;
+            change[k] = 0.0;
         }
-        few
     }
 
     /// The displacements `[F, S, 3]` of the probes in some `frames` `[F]` of a motion, minus those
@@ -437,8 +454,11 @@ impl Measure<'_> {
         let mut moved = self.way.frames(motion, frames, progress)?;
         for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
             let clip = self.clip.displacements.index_axis(Axis(0), t);
-            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.probes) {
-                row -= &clip.row(v);
+            let (clip, frame) = (clip.as_slice(), frame.as_slice_mut());
+            let (clip, _) = clip.expect("row-major").as_chunks::<3>();
+            let (frame, _) = frame.expect("row-major").as_chunks_mut::<3>();
+            for (row, &v) in frame.iter_mut().zip(&self.way.probes) {
+                (0..3).for_each(|x| row[x] -= clip[v][x]);
             }
         }
         Ok(moved)
