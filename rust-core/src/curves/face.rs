@@ -20,7 +20,8 @@ const FIRST: f64 = 0.4;
 /// After this many rounds, a frame that is still off gets a key on the curve with the largest error
 /// there.
 const ROUNDS: usize = 8;
-/// About this many vertices are measured until none of them is off. From then on all are measured.
+/// About this many vertices are measured at first. Once none of them is off, all are measured, and
+/// those that are off join them.
 const LOOKED_AT: usize = 1500;
 /// Frames that one task measures together.
 const BLOCK: usize = 64;
@@ -68,23 +69,24 @@ pub fn on_face(
         .iter()
         .try_for_each(|values| check(values, &vec![1.0; frames], touching))?;
     let mut job = Job::new(&columns, shapes, tolerance, touching);
-    let mut all = false;
     loop {
         report(
             progress,
             "curves",
             job.round.min(ROUNDS) as f32 / (ROUNDS + 1) as f32,
         )?;
-        let curves = job.curves();
-        let missed = job.missed(&curves);
-        let errors = job.errors(&missed, all);
-        let off = job.tighten(&errors, &missed);
-        if !off && all {
-            let error = errors.iter().copied().fold(0.0, f64::max);
+        job.fit();
+        let errors = job.errors(&job.some);
+        if job.tighten(&errors) {
+            continue;
+        }
+        let errors = job.errors(&job.every);
+        if !job.tighten(&errors) {
+            let error = errors.iter().map(|(error, _)| *error).fold(0.0, f64::max);
+            let curves = job.curves;
             return Ok(FaceFit { curves, error });
         }
-        // From now on every round measures all vertices, because some errors only show then.
-        all |= !off;
+        job.measure_more(&errors);
     }
 }
 
@@ -92,8 +94,13 @@ struct Job<'a> {
     columns: &'a [Vec<f64>],
     /// `[K, 3V]`: the shapes at all vertices.
     every: Array2<f32>,
-    /// The shapes at the vertices that are measured first.
+    /// The vertices that are measured in every round, in ascending order.
+    measured: Vec<usize>,
+    /// The shapes at these.
     some: Array2<f32>,
+    curves: Vec<Curve>,
+    /// `[T, K]`: how far each curve misses its weight.
+    missed: Array2<f32>,
     /// `[K]`: the error in weight with which a curve alone uses up the tolerance.
     limits: Vec<f64>,
     /// `[T]`: the share of its limit that a curve may use in a frame.
@@ -121,13 +128,7 @@ impl<'a> Job<'a> {
             .expect("row-major")
             .into_owned();
         let step = (vertices / LOOKED_AT).max(1);
-        let some = every.select(
-            Axis(1),
-            &(0..vertices)
-                .step_by(step)
-                .flat_map(|v| 3 * v..3 * v + 3)
-                .collect::<Vec<_>>(),
-        );
+        let measured: Vec<usize> = (0..vertices).step_by(step).collect();
         let sizes: Vec<f64> = every
             .rows()
             .into_iter()
@@ -147,8 +148,11 @@ impl<'a> Job<'a> {
         let share = |t: usize| if touching[t] { TOUCHING } else { 1.0 };
         Job {
             columns,
+            some: columns_of(&every, &measured),
+            measured,
             every,
-            some,
+            curves: vec![Vec::new(); count],
+            missed: Array2::from_elem((frames, count), f32::INFINITY),
             limits: sizes
                 .iter()
                 .map(|size| tolerance / size.max(1e-12))
@@ -166,53 +170,69 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn curves(&self) -> Vec<Curve> {
+    /// Fits the curves that miss a weight by more than their limit, or lack a key.
+    fn fit(&mut self) {
         let one = |k: usize| {
             let limit = |share: &f64| share * self.limits[k];
             let limits: Vec<f64> = self.shares.iter().map(limit).collect();
             let fixed = |(&fixed, &pinned): (&bool, &bool)| (fixed && self.moves[k]) || pinned;
             let fixed: Vec<bool> = self.fixed.iter().zip(&self.pinned[k]).map(fixed).collect();
-            fit_checked(&self.columns[k], &limits, &fixed)
+            let missed = self.missed.column(k);
+            let mut misses = missed.iter().zip(&limits);
+            let curve = &self.curves[k];
+            let lacks =
+                |t: usize| fixed[t] && curve.binary_search_by_key(&t, |key| key.row).is_err();
+            let misses = misses.any(|(missed, limit)| f64::from(missed.abs()) > *limit);
+            (misses || (0..fixed.len()).any(lacks))
+                .then(|| (k, fit_checked(&self.columns[k], &limits, &fixed)))
         };
-        (0..self.columns.len()).into_par_iter().map(one).collect()
-    }
-
-    /// How far each curve misses its weight, `[T, K]`.
-    fn missed(&self, curves: &[Curve]) -> Array2<f32> {
-        let mut missed = Array2::<f32>::zeros((self.shares.len(), curves.len()));
-        for (k, (values, curve)) in self.columns.iter().zip(curves).enumerate() {
-            for (t, (fitted, value)) in evaluate(values, curve).iter().zip(values).enumerate() {
-                missed[[t, k]] = (fitted - value) as f32;
+        let fitted = (0..self.columns.len()).into_par_iter().filter_map(one);
+        for (k, curve) in fitted.collect::<Vec<_>>() {
+            let values = &self.columns[k];
+            let missed = evaluate(values, &curve).into_iter().zip(values);
+            for (to, (fitted, value)) in self.missed.column_mut(k).iter_mut().zip(missed) {
+                *to = (fitted - value) as f32;
             }
+            self.curves[k] = curve;
         }
-        missed
     }
 
-    /// The largest distance of any vertex from its place in each frame.
-    fn errors(&self, missed: &Array2<f32>, all: bool) -> Vec<f64> {
-        let shapes = if all { &self.every } else { &self.some };
-        let blocks: Vec<_> = missed.axis_chunks_iter(Axis(0), BLOCK).collect();
+    /// For each frame the vertex of `shapes` `[K, 3N]` that is farthest from its place: its distance
+    /// and its number among the `N`.
+    fn errors(&self, shapes: &Array2<f32>) -> Vec<(f64, usize)> {
+        let blocks: Vec<_> = self.missed.axis_chunks_iter(Axis(0), BLOCK).collect();
         let block = |rows: &ArrayView2<'_, f32>| {
             // The product for a single curve is column-major.
             let moved = rows.dot(shapes).as_standard_layout().into_owned();
-            let far = |row: ArrayView1<'_, f32>| longest(row.as_slice().expect("row-major"));
+            let far = |row: ArrayView1<'_, f32>| farthest(row.as_slice().expect("row-major"));
             moved.rows().into_iter().map(far).collect::<Vec<_>>()
         };
         blocks.par_iter().flat_map(block).collect()
     }
 
+    /// Measures the vertices of `errors` that are off in all further rounds. `errors`: of all
+    /// vertices.
+    fn measure_more(&mut self, errors: &[(f64, usize)]) {
+        let off = errors.iter().zip(&self.tolerances);
+        let off = off.filter(|((error, _), tolerance)| error > tolerance);
+        self.measured.extend(off.map(|((_, vertex), _)| vertex));
+        self.measured.sort_unstable();
+        self.measured.dedup();
+        self.some = columns_of(&self.every, &self.measured);
+    }
+
     /// Lowers the limits in frames that are off. Returns whether there are any.
-    fn tighten(&mut self, errors: &[f64], missed: &Array2<f32>) -> bool {
+    fn tighten(&mut self, errors: &[(f64, usize)]) -> bool {
         self.round += 1;
         let mut off = false;
-        for (t, (&error, &tolerance)) in errors.iter().zip(&self.tolerances).enumerate() {
+        for (t, (&(error, _), &tolerance)) in errors.iter().zip(&self.tolerances).enumerate() {
             if error <= tolerance {
                 continue;
             }
             off = true;
             self.shares[t] *= (0.95 * tolerance / error).sqrt().clamp(0.5, 0.98);
             if self.round > ROUNDS {
-                let far = |&k: &usize| f64::from(missed[[t, k]].abs()) / self.limits[k];
+                let far = |&k: &usize| f64::from(self.missed[[t, k]].abs()) / self.limits[k];
                 let worst = (0..self.pinned.len()).max_by(|a, b| far(a).total_cmp(&far(b)));
                 worst.into_iter().for_each(|k| self.pinned[k][t] = true);
             }
@@ -221,8 +241,25 @@ impl<'a> Job<'a> {
     }
 }
 
+/// The columns of some vertices of `[K, 3V]`.
+fn columns_of(shapes: &Array2<f32>, vertices: &[usize]) -> Array2<f32> {
+    let columns: Vec<usize> = vertices.iter().flat_map(|&v| 3 * v..3 * v + 3).collect();
+    shapes.select(Axis(1), &columns)
+}
+
 /// The largest length of the vectors `[3V]`.
 fn longest(moved: &[f32]) -> f64 {
-    let square = |v: &[f32]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    f64::from(moved.chunks_exact(3).map(square).fold(0.0, f32::max)).sqrt()
+    farthest(moved).0
+}
+
+/// The length of the longest of the vectors `[3V]`, and its number.
+fn farthest(moved: &[f32]) -> (f64, usize) {
+    let mut best = (0.0, 0);
+    for (number, [x, y, z]) in moved.as_chunks::<3>().0.iter().enumerate() {
+        let square = x * x + y * y + z * z;
+        if square > best.0 {
+            best = (square, number);
+        }
+    }
+    (f64::from(best.0).sqrt(), best.1)
 }
