@@ -15,6 +15,7 @@ import importlib
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 import wave
@@ -76,24 +77,23 @@ ob.anyface.source, ob.anyface.sound_file = 'FILE', {voice!r}
 
 
 def main() -> None:
-    """Prints one line of a table for each measurement."""
+    """Prints one line of a table for each measurement. Arguments name the parts to measure."""
+    parts = {
+        "headless": headless,
+        "estimates": estimates,
+        "sliders": sliders,
+        "cycles": cycles,
+        "refusals": refusals,
+        "window": with_window,
+    }
     folder = Path(tempfile.mkdtemp(prefix="anyface-bench-"))
     try:
-        zipped = zip_path()
         bpy.ops.extensions.package_install_files(
-            filepath=str(zipped), repo="user_default", enable_on_install=True
+            filepath=str(zip_path()), repo="user_default", enable_on_install=True
         )
         prepare(folder)
-        headless(folder)
-        estimates(folder)
-        sliders(folder)
-        cycles(folder)
-        refusals()
-        blender = os.environ.get("ANYFACE_BLENDER")
-        if blender:
-            with_window(Path(blender), zipped, folder)
-        else:
-            print("ANYFACE_BLENDER is not set: nothing was measured in a window", flush=True)
+        for part in sys.argv[1:] or parts:
+            parts[part](folder)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -245,7 +245,7 @@ def resident_mb() -> float:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def refusals() -> None:
+def refusals(_folder: Path) -> None:
     """Measures meshes without a face."""
     for vertices, refused_s, cancelled_s in bench_search.measure(empty):
         times = f"{refused_s:.1f} s", f"cancelled {cancelled_s:.2f} s"
@@ -290,9 +290,13 @@ def playback_ms() -> float:
     return min(rounds) / 300 * 1000
 
 
-def with_window(blender: Path, zipped: Path, folder: Path) -> None:
+def with_window(folder: Path) -> None:
     """Measures in a window that mouse and keys drive."""
-    install_in(blender, zipped, folder)
+    if "ANYFACE_BLENDER" not in os.environ:
+        print("ANYFACE_BLENDER is not set: nothing was measured in a window", flush=True)
+        return
+    blender = Path(os.environ["ANYFACE_BLENDER"])
+    install_in(blender, zip_path(), folder)
     screen = Screen(blender.with_name("enter"), blender, folder)
     try:
         line("Blender with a window", screen.ask("answer = bpy.app.version_string"))

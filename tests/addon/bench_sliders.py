@@ -3,6 +3,7 @@
 Part of `bench_blender.py`. Each case reports the worst of two voices and two emotions.
 """
 
+import importlib
 import itertools
 import subprocess
 
@@ -10,6 +11,7 @@ import bpy
 import numpy as np
 
 import test_heads
+from conftest import PACKAGE
 from figures import film
 
 SENTENCE = "The birch canoe slid on the smooth planks. Glue the sheet to the dark blue background."
@@ -102,9 +104,10 @@ def generate(ob, mode):
 
 
 def whole(ob):
-    """Positions `[T, V, 3]` of all frames of the take."""
-    end = int(ob.data.shape_keys.animation_data.action.frame_range[1])
-    return film(ob, range(1, end + 1))
+    """Positions `[T, V, 3]` of all frames of the take, without those that ease back to rest."""
+    end = ob.data.shape_keys.animation_data.action.frame_range[1]
+    ease = importlib.import_module(f"{PACKAGE}.scene.animation.curves").EASE_S
+    return film(ob, range(1, int(end - ease * bpy.context.scene.render.fps) + 1))
 
 
 def lengths_mm(a, b):
