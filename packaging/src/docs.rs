@@ -90,6 +90,10 @@ struct Entry {
     command: Option<String>,
     /// How the result was made, if no command makes it.
     by_hand: Option<String>,
+    /// The result is a page that repeats numbers of other pages. Each paragraph or item of a list
+    /// links to the pages of its numbers.
+    #[serde(default)]
+    quotes: bool,
     /// Paths or globs of the files that determine the result, each with its digest when the result
     /// was made. The digest is empty if the files did not exist, or lay elsewhere, at that time.
     #[serde(default)]
@@ -111,9 +115,14 @@ impl Sources {
             fs::read_to_string(root.join(LIST)).with_context(|| format!("reading {LIST}"))?;
         let list: List = toml_edit::de::from_str(&text).with_context(|| LIST)?;
         for entry in &list.entry {
+            let ways = [
+                entry.command.is_some(),
+                entry.by_hand.is_some(),
+                entry.quotes,
+            ];
             ensure!(
-                entry.command.is_some() != entry.by_hand.is_some(),
-                "{LIST}, {:?}: expected either `command` or `by_hand`",
+                ways.iter().filter(|way| **way).count() == 1,
+                "{LIST}, {:?}: expected one of `command`, `by_hand` and `quotes`",
                 entry.files
             );
         }
@@ -187,6 +196,11 @@ impl Sources {
                 results.extend(paths);
             }
             faults.extend(self.fault_of_age(entry)?);
+            if entry.quotes {
+                for page in &entry.files {
+                    faults.extend(self.wrong_quotes(page)?);
+                }
+            }
         }
         for path in self.expected_results()?.difference(&results) {
             if self
@@ -214,6 +228,28 @@ impl Sources {
             .map(|title| format!("{path}#{}", documents::slug(title)))
             .collect();
         Ok((!sections.is_empty()).then_some(sections))
+    }
+
+    /// A fault for each number with a point or comma that no page linked beside it has.
+    fn wrong_quotes(&self, page: &str) -> Result<Vec<String>> {
+        let text = fs::read_to_string(self.root.join(page))?;
+        let mut faults = Vec::new();
+        for part in text.replace("\n- ", "\n\n- ").split("\n\n") {
+            let links = documents::render(page, part).links.into_iter();
+            let pages = links.map(|(target, _)| target);
+            let pages: BTreeSet<_> = pages.filter(|target| target.ends_with(".md")).collect();
+            let mut texts = String::new();
+            for page in &pages {
+                texts += &fs::read_to_string(self.root.join(page))?;
+            }
+            let numbers = numbers(part).into_iter();
+            faults.extend(numbers.filter(|number| !texts.contains(number)).map(|number| {
+                format!(
+                    "{page}: expected {number} on a page that its paragraph links to, found it on none of {pages:?}; correct the number or the link"
+                )
+            }));
+        }
+        Ok(faults)
     }
 
     fn fault_of_age(&self, entry: &Entry) -> Result<Option<String>> {
@@ -273,9 +309,11 @@ impl Sources {
                 let status = shell.status().context("starting sh")?;
                 ensure!(status.success(), "{name}: its command failed");
             }
-            (None, why) => bail!(
-                "{name}: expected a command, found a result by hand ({}); make it, then type `cargo xtask docs --note {name}`",
-                why.as_deref().unwrap_or_default()
+            (None, Some(why)) => bail!(
+                "{name}: expected a command, found a result by hand ({why}); make it, then type `cargo xtask docs --note {name}`"
+            ),
+            (None, None) => bail!(
+                "{name}: expected a command, found a page that quotes others; `cargo xtask docs --check` compares it with them"
             ),
         }
         // The command may also have written an input.
@@ -388,6 +426,13 @@ fn changes(digests: &[(&str, &str, String)]) -> Vec<String> {
     changed
         .map(|(input, before, now)| format!("{input} was {before:?} and is {now:?}"))
         .collect()
+}
+
+/// The numbers in a text that have a point or comma between digits: "0.94", "26,719".
+fn numbers(text: &str) -> Vec<&str> {
+    let words = text.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == ','));
+    let words = words.map(|word| word.trim_matches(['.', ',']));
+    words.filter(|word| word.contains(['.', ','])).collect()
 }
 
 fn pathspec(pattern: &str) -> String {
@@ -617,12 +662,35 @@ mod tests {
     }
 
     #[test]
+    fn quoted_numbers_stand_on_the_pages_beside_them() {
+        let repository = Repository::new("quotes");
+        repository.write("docs/measured/quality.md", "r is 0.94 of 1,500 frames");
+        repository.change_list("\"docs/measured/*\"", "\"docs/measured/quality.md\"");
+        let entry = "\n[[entry]]\nfiles = [\"docs/measured/README.md\"]\nquotes = true\n";
+        repository.change_list(
+            "by_hand = \"drawn\"\n",
+            &format!("by_hand = \"drawn\"\n{entry}"),
+        );
+        let page = |first: &str, second: &str| {
+            let text = format!("# All\n- [One](quality.md): {first}.\n- Two: {second}, 2 of 3.\n");
+            repository.write("docs/measured/README.md", &text);
+        };
+        page("0.94, 1,500", "5");
+        assert_eq!(repository.sources().faults().unwrap(), [""; 0]);
+        page("0.95", "5");
+        let fault = repository.fault();
+        assert!(fault.contains("expected 0.95 on a page"), "{fault}");
+        page("0.94", "0.94");
+        assert!(repository.fault().contains("found it on none of {}"));
+    }
+
+    #[test]
     fn an_entry_has_a_command_or_says_why_it_has_none() {
         let repository = Repository::new("either");
         repository.change_list("by_hand = \"drawn\"\n", "");
         let message = Sources::read(&repository.0).err().unwrap().to_string();
         assert!(
-            message.contains("either `command` or `by_hand`"),
+            message.contains("one of `command`, `by_hand` and `quotes`"),
             "{message}"
         );
         repository.change_list("inputs = ", "input = ");
