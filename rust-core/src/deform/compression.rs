@@ -8,6 +8,7 @@
 //! too far from their place. The reported error is measured on the result, not estimated.
 
 mod components;
+mod distances;
 mod sparsify;
 
 use ndarray::{Array2, Array3};
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 
 use self::{
     components::{Components, Importance},
+    distances::{largest, raise, squared_distances},
     sparsify::{MOVING, sparsify},
 };
 use super::VertexClip;
@@ -435,32 +437,6 @@ fn for_each_frame(
             }
         }
     }
-}
-
-/// The squared distances between `a` and `b`, both `[n, 3]`, into `out` `[n]`.
-fn squared_distances(a: &[f32], b: &[f32], out: &mut [f32]) {
-    let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
-    for (out, (a, b)) in out.iter_mut().zip(pairs) {
-        let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-        *out = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    }
-}
-
-/// Raises each of `largest` `[n]` to the value beside it.
-fn raise(largest: &mut [f32], values: &[f32]) {
-    for (largest, value) in largest.iter_mut().zip(values) {
-        *largest = if value > largest { *value } else { *largest };
-    }
-}
-
-/// The largest of `values`, none of which is below 0.
-fn largest(values: &[f32]) -> f32 {
-    const LANES: usize = 16;
-    let mut lanes = [0.0; LANES];
-    let (chunks, rest) = values.as_chunks::<LANES>();
-    chunks.iter().for_each(|chunk| raise(&mut lanes, chunk));
-    raise(&mut lanes, rest);
-    lanes.into_iter().fold(0.0, f32::max)
 }
 
 /// Scales the components so that the weights of each reach 1 or −1.

@@ -6,7 +6,7 @@
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
-use super::largest;
+use super::distances::largest;
 use crate::nn::matrix::{self, product, view, view_mut};
 
 /// A frame in which at most this many shapes move is left as it is.
