@@ -10,6 +10,7 @@ use super::{
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
+    nn::vectors::{columns_of, longest},
 };
 
 /// In frames in which lips touch, the tolerance shrinks to this share.
@@ -132,7 +133,7 @@ impl<'a> Job<'a> {
         let sizes: Vec<f64> = every
             .rows()
             .into_iter()
-            .map(|row| longest(row.as_slice().expect("row-major")))
+            .map(|row| farthest(row).0)
             .collect();
         let range = |values: &Vec<f64>| {
             let (low, high) = values
@@ -148,7 +149,7 @@ impl<'a> Job<'a> {
         let share = |t: usize| if touching[t] { TOUCHING } else { 1.0 };
         Job {
             columns,
-            some: columns_of(&every, &measured),
+            some: columns_of(every.view(), &measured),
             measured,
             every,
             curves: vec![Vec::new(); count],
@@ -204,8 +205,7 @@ impl<'a> Job<'a> {
         let block = |rows: &ArrayView2<'_, f32>| {
             // The product for a single curve is column-major.
             let moved = rows.dot(shapes).as_standard_layout().into_owned();
-            let far = |row: ArrayView1<'_, f32>| farthest(row.as_slice().expect("row-major"));
-            moved.rows().into_iter().map(far).collect::<Vec<_>>()
+            moved.rows().into_iter().map(farthest).collect::<Vec<_>>()
         };
         blocks.par_iter().flat_map(block).collect()
     }
@@ -218,7 +218,7 @@ impl<'a> Job<'a> {
         self.measured.extend(off.map(|((_, vertex), _)| vertex));
         self.measured.sort_unstable();
         self.measured.dedup();
-        self.some = columns_of(&self.every, &self.measured);
+        self.some = columns_of(self.every.view(), &self.measured);
     }
 
     /// Lowers the limits in frames that are off. Returns whether there are any.
@@ -241,25 +241,8 @@ impl<'a> Job<'a> {
     }
 }
 
-/// The columns of some vertices of `[K, 3V]`.
-fn columns_of(shapes: &Array2<f32>, vertices: &[usize]) -> Array2<f32> {
-    let columns: Vec<usize> = vertices.iter().flat_map(|&v| 3 * v..3 * v + 3).collect();
-    shapes.select(Axis(1), &columns)
-}
-
-/// The largest length of the vectors `[3V]`.
-fn longest(moved: &[f32]) -> f64 {
-    farthest(moved).0
-}
-
 /// The length of the longest of the vectors `[3V]`, and its number.
-fn farthest(moved: &[f32]) -> (f64, usize) {
-    let mut best = (0.0, 0);
-    for (number, [x, y, z]) in moved.as_chunks::<3>().0.iter().enumerate() {
-        let square = x * x + y * y + z * z;
-        if square > best.0 {
-            best = (square, number);
-        }
-    }
-    (f64::from(best.0).sqrt(), best.1)
+fn farthest(moved: ArrayView1<'_, f32>) -> (f64, usize) {
+    let (square, number) = longest(moved.as_slice().expect("row-major"));
+    (f64::from(square).sqrt(), number)
 }

@@ -8,7 +8,6 @@
 //! too far from their place. The reported error is measured on the result, not estimated.
 
 mod components;
-mod distances;
 mod sparsify;
 
 use ndarray::{Array2, Array3};
@@ -16,14 +15,16 @@ use rayon::prelude::*;
 
 use self::{
     components::{Components, Importance},
-    distances::{largest, raise, squared_distances},
     sparsify::{MOVING, sparsify},
 };
 use super::VertexClip;
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
-    nn::matrix::{self, product, view, view_mut},
+    nn::{
+        matrix::{self, product, view, view_mut},
+        vectors::{columns_of, largest, raise, squared_distances},
+    },
 };
 
 /// Vertices whose error is measured together.
@@ -147,7 +148,7 @@ fn choose(
     let mut done = 0;
     let mut best: Option<Choice> = None;
     for rounds in ROUNDS {
-        let part = columns(flat, &search.vertices);
+        let part = columns_of(flat.view(), &search.vertices);
         let mut least: Option<Least> = None;
         for _ in 0..rounds {
             report(progress, "compress", 0.8 * done as f32 / steps)?;
@@ -171,22 +172,17 @@ fn choose(
         search.join(&errors, least.importance);
     }
     report(progress, "compress", 0.8)?;
-    match best {
-        Some(best) if best.error <= max_error => Ok(best),
-        _ => {
-            let width = (most + SPARE).min(frames);
-            let all = Components::find(flat, &search.importance, width, None)?;
-            let (count, error) = fewest(flat, &all, most, max_error);
-            let last = Choice {
-                components: all.on(flat, count),
-                error,
-            };
-            Ok(match best {
-                Some(best) if best.error < last.error => best,
-                _ => last,
-            })
-        }
+    if let Some(best) = best.take_if(|best| best.error <= max_error) {
+        return Ok(best);
     }
+    let width = (most + SPARE).min(frames);
+    let all = Components::find(flat, &search.importance, width, None)?;
+    let (count, error) = fewest(flat, &all, most, max_error);
+    let last = Choice {
+        components: all.first(count),
+        error,
+    };
+    Ok(best.filter(|best| best.error < error).unwrap_or(last))
 }
 
 /// Looks for components on some of the vertices.
@@ -300,22 +296,6 @@ impl Search {
             scale(&mut vertices[v], of_vertices);
         }
     }
-}
-
-/// The columns of some `vertices` of `flat` `[T, 3V]`.
-fn columns(flat: &Array2<f32>, vertices: &[usize]) -> Array2<f32> {
-    if 3 * vertices.len() == flat.ncols() {
-        return flat.clone();
-    }
-    let mut part = Array2::zeros((flat.nrows(), 3 * vertices.len()));
-    for (mut to, from) in part.outer_iter_mut().zip(flat.outer_iter()) {
-        let (to, from) = (to.as_slice_mut(), from.as_slice());
-        let (to, from) = (to.expect("row-major"), from.expect("row-major"));
-        for (to, &v) in to.chunks_exact_mut(3).zip(vertices) {
-            to.copy_from_slice(&from[3 * v..3 * v + 3]);
-        }
-    }
-    part
 }
 
 /// The fewest components, between 1 and `most`, that leave at most `max_error`, and the error that

@@ -22,6 +22,7 @@ use crate::{
     face::{Deformer, Face},
     job::{Progress, ProgressFn, report},
     motion::{EmotionOrigin, LandmarkClip, Life, Motion, WeightClip},
+    nn::vectors::columns_of,
     rig::ShapeSource,
     spread::{FaceTongue, closed_on, of_shapes},
     systems::Slider,
@@ -263,18 +264,14 @@ struct Way<'a> {
     probes: Vec<usize>,
 }
 
-/// The rows of some vertices of `[F, V, 3]`.
-fn rows_of(moved: &Array3<f32>, vertices: &[usize]) -> Array3<f32> {
-    let (frames, _, axes) = moved.dim();
-    let mut rows = Array3::zeros((frames, vertices.len(), axes));
-    for (mut to, from) in rows.outer_iter_mut().zip(moved.outer_iter()) {
-        let (to, from) = (to.as_slice_mut(), from.as_slice());
-        let (to, from) = (to.expect("row-major"), from.expect("row-major"));
-        for (to, &v) in to.chunks_exact_mut(axes).zip(vertices) {
-            to.copy_from_slice(&from[axes * v..axes * (v + 1)]);
-        }
-    }
-    rows
+/// The displacements of some vertices of `[F, V, 3]`.
+fn of_vertices(moved: &Array3<f32>, vertices: &[usize]) -> Array3<f32> {
+    let (frames, all, _) = moved.dim();
+    let flat = moved.view().into_shape_with_order((frames, 3 * all));
+    let chosen = columns_of(flat.expect("row-major"), vertices);
+    let shape = (frames, vertices.len(), 3);
+    let chosen = chosen.into_shape_with_order(shape);
+    chosen.expect("the same number of values")
 }
 
 /// A motion with its head, eyes and tongue.
@@ -296,7 +293,7 @@ impl Way<'_> {
         if let Some(tongue) = &self.tongue {
             tongue.speak(life.tongue.select(Axis(0), frames).view(), &mut moved);
         }
-        Ok(rows_of(&moved, &self.probe_indices))
+        Ok(of_vertices(&moved, &self.probe_indices))
     }
 
     fn of_landmarks(
@@ -311,7 +308,7 @@ impl Way<'_> {
             Some(few) => few.deform(landmarks.view(), progress),
             None => {
                 let all = self.deformer.deform(landmarks.view(), progress)?;
-                Ok(rows_of(&all, &self.vertices))
+                Ok(of_vertices(&all, &self.vertices))
             }
         }
     }

@@ -31,3 +31,4 @@ pub mod spiral_conv;
 pub mod surface;
 pub mod timestep;
 pub mod transformer;
+pub mod vectors;

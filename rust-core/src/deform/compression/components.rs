@@ -72,6 +72,16 @@ impl Components {
         })
     }
 
+    /// The first `count` of them.
+    pub fn first(&self, count: usize) -> Components {
+        let first = |all: &Array2<f32>| all.slice(s![.., ..count]).to_owned();
+        Components {
+            weights: first(&self.weights),
+            shapes: first(&self.shapes),
+            duals: first(&self.duals),
+        }
+    }
+
     /// The first `count` of them, with shapes for the vertices of `flat` `[T, 3V]`.
     pub fn on(&self, flat: &Array2<f32>, count: usize) -> Components {
         let duals = self.duals.slice(s![.., ..count]).to_owned();

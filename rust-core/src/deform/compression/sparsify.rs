@@ -6,8 +6,10 @@
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
-use super::distances::largest;
-use crate::nn::matrix::{self, product, view, view_mut};
+use crate::nn::{
+    matrix::{self, product, view, view_mut},
+    vectors::{longest, longest_square},
+};
 
 /// A frame in which at most this many shapes move is left as it is.
 pub(super) const MOVING: usize = 20;
@@ -199,21 +201,6 @@ fn farthest_of_each(rows: &[f32], count: usize, first: usize) -> Vec<(f32, usize
     best
 }
 
-/// Square of the longest of `vectors` `[3n]`.
-fn longest_square(vectors: &[f32]) -> f32 {
-    let square = |d: &[f32; 3]| d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    let mut squares = [0.0; VERTICES_PER_LOOK];
-    let longest = vectors.chunks(3 * VERTICES_PER_LOOK).map(|vectors| {
-        let (vectors, _) = vectors.as_chunks::<3>();
-        let squares = &mut squares[..vectors.len()];
-        for (out, vector) in squares.iter_mut().zip(vectors) {
-            *out = square(vector);
-        }
-        largest(squares)
-    });
-    longest.fold(0.0, f32::max)
-}
-
 /// For each frame the vertex that is farthest from its place: its distance, mesh units, and number.
 fn farthest_of_frames(
     flat: &Array2<f32>,
@@ -234,27 +221,11 @@ fn farthest_of_frames(
         let there = matrix::values(flat)[first * coordinates..].iter();
         left.iter_mut().zip(there).for_each(|(l, t)| *l = t - *l);
         let rows = left.chunks_exact(coordinates);
-        rows.map(farthest).collect::<Vec<_>>()
+        let farthest = rows.map(longest);
+        let farthest = farthest.map(|(square, vertex)| (square.sqrt(), vertex));
+        farthest.collect::<Vec<_>>()
     };
     starts.par_iter().map(farthest_in).flatten_iter().collect()
-}
-
-/// The length of the longest of `vectors` `[3n]`, and its number.
-fn farthest(vectors: &[f32]) -> (f32, usize) {
-    let blocks = vectors.chunks(3 * VERTICES_PER_LOOK).map(longest_square);
-    let longest = |best: (f32, usize), (number, square): (usize, f32)| match square > best.0 {
-        true => (square, number),
-        false => best,
-    };
-    let (square, block) = blocks.enumerate().fold((0.0, 0), |best, (number, square)| {
-        longest(best, (number, square))
-    });
-    let first = VERTICES_PER_LOOK * block;
-    let vectors = vectors[3 * first..].chunks_exact(3).map(longest_square);
-    let number = vectors
-        .take(VERTICES_PER_LOOK)
-        .position(|one| one == square);
-    (square.sqrt(), first + number.unwrap_or(0))
 }
 
 #[cfg(test)]
