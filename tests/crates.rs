@@ -15,11 +15,12 @@ const CRATES_IO_BYTES: u64 = 10_485_760;
 /// The most keywords that crates.io accepts for a crate.
 const KEYWORDS: usize = 5;
 /// The crates that are published. All others say `publish = false`.
-const PUBLISHED: [&str; 8] = [
+const PUBLISHED: [&str; 9] = [
     "anyface",
     "anyface-cli",
     "anyface-microphone",
     "anyface-weights-cafe-talk",
+    "anyface-weights-ear",
     "anyface-weights-emoface",
     "anyface-weights-facetalk",
     "anyface-weights-freetalk",

@@ -30,6 +30,8 @@ from training.landmarks.pose_network import PoseConfig, PoseNetwork
 from training.nn.checkpoint import EXACT, write_model
 from training.rig.network import CONFIGS as RIG
 from training.rig.visemes import solve
+from training.speech.whisper import BANDS
+from training.speech.whisper import load as load_whisper
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
 from training.systems.facetalk import stored as facetalk_files
 from training.systems.freetalk.ats import AtsConfig, Sampling
@@ -64,6 +66,13 @@ def ats(
     yield Model(f"ats_{config.name}", saved["state"], config.to_json())
     if saved["encoder_config"] is not None:
         yield Model("compact_speech", saved["encoder"], saved["encoder_config"])
+
+
+def ear(run: Run) -> Iterator[Model]:
+    """The body of an ear.pt of training.speech.train_ear, without the read-outs that only training needs."""
+    saved = torch.load(run, map_location="cpu")
+    state = {k.removeprefix("encoder."): v for k, v in saved["state"].items() if k.startswith("encoder.")}
+    yield Model("ear", state, saved["config"], ("mean", "deviation"))
 
 
 def stm(runs: Path = Path("runs/stm"), trained: Literal["both", "corpus"] = "both") -> Iterator[Model]:
@@ -176,10 +185,26 @@ def face_modes(data: Path = DATA) -> Iterator[Model]:
     yield Model("face_modes", state, {"name": "face_modes", "modes": list(modes)}, ("",))
 
 
+def trunk(
+    whisper: Annotated[Path, "folder of Whisper base, as training.speech.whisper fetches it"],
+    layers: Annotated[int, "number of transformer layers"] = 3,
+) -> Iterator[Model]:
+    """Whisper's convolutions and first layers, on which the ear builds. Nothing is trained.
+
+    Left out are Whisper's positions, which are sinusoids, and its final norm.
+    """
+    encoder = load_whisper(whisper)
+    parts = ("first.", "second.", *(f"layers.{number}." for number in range(layers)))
+    state = {name: value for name, value in encoder.state_dict().items() if name.startswith(parts)}
+    sizes = {"width": encoder.config.width, "heads": encoder.config.heads}
+    sizes |= {"feedforward": 4 * encoder.config.width, "layers": layers}
+    yield Model("whisper_trunk", state, {"model": "whisper_trunk", "bands": BANDS} | sizes)
+
+
 MODELS = {
-    "ats": ats, "stm": stm, "stream": stream, "cafe_talk": cafe_talk, "emoface": emoface,
+    "ear": ear, "ats": ats, "stm": stm, "stream": stream, "cafe_talk": cafe_talk, "emoface": emoface,
     "facetalk": facetalk, "rig": rig, "text": text, "landmarks": landmarks,
-    "expressions": expression_table, "face_modes": face_modes,
+    "expressions": expression_table, "face_modes": face_modes, "trunk": trunk,
 }  # fmt: skip
 
 

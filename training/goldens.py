@@ -24,6 +24,7 @@ GOLDENS = {
     "instants": "training.speech.golden_instants",
     "resampled_speech": "training.speech.golden_resampled",
     "whisper": "training.speech.golden_whisper",
+    "ear": "training.speech.golden_ear",
     "compact_speech": "training.speech.golden_compact",
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",

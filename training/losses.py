@@ -7,7 +7,7 @@ LIPS = list(range(48, 68))
 JAW = list(range(4, 13))
 VELOCITY = 0.3
 ACCELERATION = 0.1
-SCALE_M = {"grid_s1": 3.2e-3, "facegood_zh": 4.0e-3, "taught": 3.2e-3}
+SCALE_M = {"grid_s1": 3.2e-3, "grid_five": 3.2e-3, "facegood_zh": 4.0e-3, "taught": 3.2e-3}
 LEAST_SCALE_M = 5e-4
 
 

@@ -58,6 +58,9 @@ fn speech(c: &mut Criterion) {
     group.bench_function("encoder", |b| {
         b.iter(|| encoder.encode(black_box(&sound), SILENT))
     });
+    let ear = speech::ear(None).expect("built in");
+    group.bench_function("ear", |b| b.iter(|| ear.encode(black_box(&sound), SILENT)));
+    group.bench_function("ear from its weights", |b| b.iter(|| speech::ear(None)));
     let request = MotionRequest::default();
     group.bench_function("encoder and denoiser", |b| {
         b.iter(|| engine.perform(black_box(&sound), &request, SILENT))

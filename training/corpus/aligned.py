@@ -150,16 +150,25 @@ def read_kathleen(data: Path, limit: int | None = None, only_held_out: bool = Fa
     return utterances
 
 
-def read_grid_speech(data: Path, chosen: set[str] | None = None) -> list[Utterance]:
-    """The words of grid_s1, aligned."""
-    folder, aligner, utterances, words = data / "motion/grid_s1", Aligner(), [], grid_words(data)
-    held_out = grid_held_out(list(words))
-    for name in sorted(words if chosen is None else chosen & set(words)):
+def read_grid_speech(data: Path, source: str = "grid_s1", chosen: set[str] | None = None) -> list[Utterance]:
+    """The words of grid_s1 or grid_five, aligned."""
+    folder, aligner, utterances = data / "motion" / source, Aligner(), []
+    texts = grid_texts(data, source)
+    held_out = grid_held_out(list(texts)) if source == "grid_s1" else set()
+    for name in sorted(texts if chosen is None else chosen & set(texts)):
         samples = read_sound(folder / "audio" / f"{name}.ogg")
-        phones = aligner.align(samples, " ".join(word for _, _, word in words[name]))
+        phones = aligner.align(samples, texts[name])
         if phones:
-            utterances.append(Utterance(name, "grid_s1", name in held_out, samples, phones))
+            utterances.append(Utterance(name, source, name in held_out, samples, phones))
     return utterances
+
+
+def grid_texts(data: Path, source: str) -> dict[str, str]:
+    """Sentences of the clips of grid_s1 or grid_five by name."""
+    if source == "grid_s1":
+        return {name: " ".join(word for _, _, word in words) for name, words in grid_words(data).items()}
+    with open(data / "motion" / source / "clips.tsv", newline="") as file:
+        return {row["clip"]: row["text"] for row in csv.DictReader(file, delimiter="\t")}
 
 
 def grid_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
@@ -281,7 +290,7 @@ def main(
         read_librivox(data),
         read_nathalie(data),
         read_kathleen(data, only_held_out=True),
-        read_grid_speech(data, held_out),
+        read_grid_speech(data, chosen=held_out),
     ]
     spoken = [speak(espeak, x, minutes, seed=MEASURED_SEED) for x in MEASURED_LANGUAGES]
     for part in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:

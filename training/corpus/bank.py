@@ -13,13 +13,14 @@ from training.corpus.conditions import EMOTIONS
 from training.corpus.facegood import read_facegood
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips as folder_clips
-from training.corpus.grid import read_grid
+from training.corpus.grid import FIVE, read_grid, read_grid_five
+from training.corpus.grid import SOURCE as GRID
 from training.corpus.mirror import symmetrise
 from training.corpus.phones import segment_track
 from training.corpus.revoice import revoice
 from training.speech.log_mel import log_mel
 
-READERS = {"grid_s1": read_grid, "facegood_zh": read_facegood}
+READERS = {"grid_s1": read_grid, "grid_five": read_grid_five, "facegood_zh": read_facegood}
 MEL_HZ = FPS * MEL_PER_FRAME
 UNKNOWN = -1
 VERSION = 8
@@ -81,9 +82,9 @@ def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | N
 
 def spoken(data: Path, source: str, names: set[str]) -> dict[str, Utterance]:
     """The phones of a source's clips by name, where its words are known."""
-    if source != "grid_s1":
+    if source not in (GRID, FIVE):
         return {}
-    return {u.name: u for u in read_grid_speech(data, names)}
+    return {u.name: u for u in read_grid_speech(data, source, names)}
 
 
 def few(clips: list[Clip], limit: int | None) -> list[Clip]:
@@ -97,7 +98,7 @@ def load(
     cache: Path,
     voices: int = 8,
     seed: int = 0,
-    sources: tuple[str, ...] = ("grid_s1", "facegood_zh"),
+    sources: tuple[str, ...] = tuple(READERS),
     limit: int | None = None,
 ) -> list[Entry]:
     """Like `build`, but reads the cache folder if it has a bank built with the same arguments."""

@@ -1,9 +1,9 @@
-"""grid_s1: 909 clips of one man reading GRID sentences, his face tracked in the video.
+"""GRID sentences with faces tracked in the video: 909 clips of one man, 73 clips of five other speakers.
 
 GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006); tracked by MediaPipe Face Landmarker
 v2 (Apache-2.0), each frame by itself. Head motion is already removed. Depth is a monocular estimate.
-He blinks and looks down at the text. His voice does not cause this, so the eye landmarks are kept at
-rest and carry no weight.
+The speakers blink and look down at the text. Their voices do not cause this, so the eye landmarks are
+kept at rest and carry no weight.
 """
 
 import json
@@ -20,6 +20,7 @@ from training.corpus.ict import IctLandmarks
 from training.corpus.split import grid_held_out
 
 SOURCE = "grid_s1"
+FIVE = "grid_five"
 TRACK = "face_track.safetensors"
 UNITS_PER_CM = 2000.0
 SMOOTHING_FRAMES = 0.6
@@ -30,34 +31,48 @@ INNER = slice(27, 68)
 
 
 def read_grid(data: Path) -> list[Clip]:
-    """All clips. Motion is rotated so that the speaker's neutral face fits ICT's; its size stays."""
-    folder = data / "motion" / SOURCE
+    """All clips of grid_s1. Every tenth is held out."""
+    return _read(data / "motion" / SOURCE)
+
+
+def read_grid_five(data: Path) -> list[Clip]:
+    """All clips of the five other speakers. None is held out: `leave_clips` leaves a speaker out."""
+    return _read(data / "motion" / FIVE)
+
+
+def _read(folder: Path) -> list[Clip]:
+    """Clips of a folder. The motion of each speaker is rotated so that his neutral face fits ICT's; its size
+    stays."""
     with safe_open(folder / TRACK, "np") as file:
         landmarks = file.get_tensor("landmarks").astype(np.float32) / UNITS_PER_CM
         tracked_frames = file.get_tensor("found").astype(bool)
         offsets = file.get_tensor("clip_offsets")
         names = json.loads(file.metadata()["clips"])
+        speakers = json.loads(file.metadata().get("speakers", "null")) or ["s1"] * len(names)
     spans = [slice(a, b) for a, b in pairwise(offsets)]
     tracks = [_smooth(_fill(landmarks[span], ~tracked_frames[span])) for span in spans]
-    neutral = rest_template(tracks, [tracked_frames[span] for span in spans])
-    turn = similarity(neutral[INNER], 100.0 * IctLandmarks(data).neutral[INNER]).rotation
-    held_out = grid_held_out(names)
+    ict = 100.0 * IctLandmarks(folder.parent.parent).neutral[INNER]
+    held_out = grid_held_out(names) if folder.name == SOURCE else set()
     clips = []
-    for name, track, span in zip(names, tracks, spans, strict=True):
-        motion = ((track - neutral) @ turn.T * 0.01).astype(np.float32)
-        weight = np.repeat(tracked_frames[span, None], 68, axis=1).astype(np.float32)
-        motion[:, EYES], weight[:, EYES] = 0.0, 0.0
-        clips.append(
-            Clip(
-                name=name,
-                source=SOURCE,
-                held_out=name in held_out,
-                samples=read_sound(folder / "audio" / f"{name}.ogg"),
-                motion=motion,
-                weight=weight,
-                neutral=(neutral @ turn.T * 0.01).astype(np.float32),
+    for speaker in dict.fromkeys(speakers):
+        own = [i for i, name in enumerate(speakers) if name == speaker]
+        neutral = rest_template([tracks[i] for i in own], [tracked_frames[spans[i]] for i in own])
+        turn = similarity(neutral[INNER], ict).rotation
+        for i in own:
+            motion = ((tracks[i] - neutral) @ turn.T * 0.01).astype(np.float32)
+            weight = np.repeat(tracked_frames[spans[i], None], 68, axis=1).astype(np.float32)
+            motion[:, EYES], weight[:, EYES] = 0.0, 0.0
+            clips.append(
+                Clip(
+                    name=names[i],
+                    source=folder.name,
+                    held_out=names[i] in held_out,
+                    samples=read_sound(folder / "audio" / f"{names[i]}.ogg"),
+                    motion=motion,
+                    weight=weight,
+                    neutral=(neutral @ turn.T * 0.01).astype(np.float32),
+                )
             )
-        )
     return clips
 
 

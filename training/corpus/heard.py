@@ -1,4 +1,4 @@
-"""The frozen encoder's features of speech, with its phones, its text or the times of its words."""
+"""The ear's features of speech, with its phones, its text or the times of its words."""
 
 import json
 from dataclasses import dataclass, field
@@ -21,17 +21,17 @@ from training.corpus.aligned import (
     read_texts,
     speak,
 )
-from training.corpus.cache import cached
-from training.corpus.clip import MEL_PER_FRAME, read_sound
+from training.corpus.cache import cached, digest
+from training.corpus.clip import FPS, MEL_PER_FRAME, read_sound
 from training.corpus.espeak import Espeak
 from training.corpus.phones import PAUSE, Phone, segment_track
-from training.speech.compact import CompactEncoder, normalise
-from training.speech.log_mel import FLOOR, mel_filters, power_spectrum
+from training.speech.ear import Ear, ear_mel, ear_mel_of_power
+from training.speech.log_mel import SAMPLE_RATE_HZ, power_spectrum
 
 WARPS = (0.86, 1.0)
 """Factors on a voice's frequencies: 0.86 imitates a man's vocal tract, 1 keeps the voice's own."""
 
-VERSION = 2
+VERSION = 3
 EMODB_HELD_OUT = ("03", "08")
 """Actors whom training never hears: a man and a woman out of ten."""
 
@@ -59,38 +59,39 @@ class Heard:
 
 
 @torch.no_grad()
-def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...]) -> list[Tensor]:
+def hear(ear: Ear, samples: np.ndarray, warps: tuple[float, ...]) -> list[Tensor]:
     """Features [T, C] f16 of a sound [S] in each warp."""
-    power = power_spectrum(torch.from_numpy(samples))
-    mels = [(power @ mel_filters(warp=warp)).clamp_min(FLOOR).log() for warp in warps]
-    return list(encoder(torch.stack([normalise(mel) for mel in mels])).half())
+    sound, frames = torch.from_numpy(samples), max(len(samples) * int(FPS) // SAMPLE_RATE_HZ, 1)
+    power = None if warps == (1.0,) else power_spectrum(sound)
+    mels = [ear_mel(sound) if warp == 1.0 else ear_mel_of_power(power, warp) for warp in warps]
+    return [ear(mel, frames).half() for mel in mels]
 
 
-def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
+def load(data: Path, cache: Path, ear: Ear, minutes: float) -> list[Heard]:
     """All utterances, from the cache if it has them."""
-    name = "-".join(map(str, [VERSION, f"{minutes:g}", *kokoro_count(data)]))
-    path = cache / f"heard-{name}.pt"
-    return cached(path, Heard, lambda: _every(data, encoder, minutes))
+    weights = sum(float(x.double().abs().sum()) for x in ear.body.parameters())
+    path = cache / f"heard-{digest(VERSION, minutes, weights, *kokoro_count(data))}.pt"
+    return cached(path, Heard, lambda: _every(data, ear, minutes))
 
 
-def _every(data: Path, encoder: CompactEncoder, minutes: float):
+def _every(data: Path, ear: Ear, minutes: float):
     for u in read_nathalie(data):
-        heard = _of(encoder, u, WARPS)
+        heard = _of(ear, u, WARPS)
         heard.text = " ".join(word for _, _, word in u.words)
         yield heard
     for u in read_emodb(data):
-        yield _of(encoder, u, WARPS)
+        yield _of(ear, u, WARPS)
     for u in read_kokoro(data):
-        yield _of(encoder, u, (1.0,))
+        yield _of(ear, u, (1.0,))
     for u in read_librivox(data):
-        heard = _of(encoder, u, (1.0,))
+        heard = _of(ear, u, (1.0,))
         heard.text = (data / "clips/librivox" / f"{u.name}.txt").read_text()
         yield heard
-    yield from _grid(data, encoder)
+    yield from _grid(data, ear)
     for source in ("kathleen_en", "kerstin_de"):
         texts = sorted(read_texts(data / "speech" / source).items())
         for index, (name, text) in enumerate(texts[::TEXT_EVERY]):
-            features = hear(encoder, read_sound(data / "speech" / source / f"{name}.ogg"), WARPS)
+            features = hear(ear, read_sound(data / "speech" / source / f"{name}.ogg"), WARPS)
             yield Heard(name, source, index % HELD_OUT_EVERY == 0, features, None, text)
     espeak = Espeak()
     for language in ALPHABETS:
@@ -98,21 +99,21 @@ def _every(data: Path, encoder: CompactEncoder, minutes: float):
         texts = list(read_texts(folder).values()) if language in TEXTS else []
         for u in speak(espeak, language, minutes, seed=17, texts=texts):
             u.held_out = u.held_out or language in UNSEEN_LANGUAGES
-            yield _of(encoder, u, (1.0,))
+            yield _of(ear, u, (1.0,))
 
 
-def _of(encoder: CompactEncoder, u: Utterance, warps) -> Heard:
-    features = hear(encoder, u.samples, warps)
+def _of(ear: Ear, u: Utterance, warps) -> Heard:
+    features = hear(ear, u.samples, warps)
     frames = MEL_PER_FRAME * len(features[0])
     track = torch.from_numpy(segment_track(u.phones, frames, 100.0))
     return Heard(u.name, u.source, u.held_out, features, track, words=u.words)
 
 
-def _grid(data: Path, encoder: CompactEncoder):
+def _grid(data: Path, ear: Ear):
     """Every fourth clip of grid_s1, only to measure on."""
     folder, words = data / "motion/grid_s1", grid_words(data)
     for name in sorted(words)[::4]:
-        features = hear(encoder, read_sound(folder / "audio" / f"{name}.ogg"), (1.0,))
+        features = hear(ear, read_sound(folder / "audio" / f"{name}.ogg"), (1.0,))
         text = " ".join(word for _, _, word in words[name])
         yield Heard(name, "grid_s1", True, features, None, text, words[name])
 

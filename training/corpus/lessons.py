@@ -47,6 +47,9 @@ class FullModel:
     """The full model in its default style."""
 
     def __init__(self, encoder: CompactEncoder, denoiser: AtsDenoiser):
+        if not isinstance(encoder, CompactEncoder):
+            expected = "--ats, --models: expected a model that listens by compact_speech"
+            raise ValueError(f"{expected}, got one that listens by {denoiser.config.speech.encoder}")
         self.encoder, self.denoiser = encoder, denoiser
         self.style = denoiser.config.styles.index(denoiser.config.default_style)
         self.closes = denoiser.config.default_style in denoiser.config.closing_styles

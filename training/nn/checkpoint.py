@@ -34,11 +34,13 @@ docs/training.md says why.
 """
 SMALLEST, SHORTEST_ROW = 2048, 16
 """A matrix ships in eight bits if it has at least this many values, and this many in a row."""
-LEVELS = {"text_units.vectors": 15, "text_units.ngrams": 15}
-"""Largest magnitude of the whole numbers in an 8-bit matrix, by MODEL.ARRAY. Others have `ALL_LEVELS`.
+LEVELS = {"text_units.vectors": 15, "text_units.ngrams": 15, "whisper_trunk.": 15}
+"""Largest magnitude of the whole numbers in an 8-bit matrix, by the beginning of MODEL.ARRAY. Others have
+`ALL_LEVELS`.
 
 Fewer levels take less space in gzip. The vectors of words come from random walks, and their noise is
-larger than the rounding: `text_units` recognises as many units with 15 levels as with 127.
+larger than the rounding: `text_units` recognises as many units with 15 levels as with 127. With 15 levels in
+Whisper's layers, r of the mouth changes by less than 0.005 on voices left out of the training.
 """
 ALL_LEVELS = 127
 Network = TypeVar("Network", bound=nn.Module)
@@ -96,6 +98,11 @@ def is_large(value: Tensor) -> bool:
     return is_matrix and value.numel() >= SMALLEST and value[0].numel() >= SHORTEST_ROW
 
 
+def levels_of(name: str) -> int:
+    """Levels of the array MODEL.ARRAY."""
+    return next((levels for begin, levels in LEVELS.items() if name.startswith(begin)), ALL_LEVELS)
+
+
 def as_shipped(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
     """Packs the large arrays of a file.
 
@@ -104,7 +111,7 @@ def as_shipped(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
     """
     whole = {name: zigzag(value) for name, value in stored.items() if is_whole(value)}
     large = {
-        name: quantised(value, LEVELS.get(f"{model}.{name}", ALL_LEVELS))
+        name: quantised(value, levels_of(f"{model}.{name}"))
         for name, value in stored.items()
         if is_large(value) and name not in whole and not f"{model}.{name}".startswith(HALF)
     }

@@ -20,12 +20,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.corpus.bank import few, of_folders
+from training.corpus import ear
+from training.corpus.bank import few
 from training.corpus.sequence_meshes import SequenceMesh, sequence_meshes
 from training.machine import Machine, add_arguments
 from training.paper.tables import LIPS, LONGEST_FRAMES, UPPER, Table, means, scores_of
-from training.speech.compact import load_encoder
-from training.speech.source import CompactSpeech
+from training.speech.ear import SHIPPED_EAR, EarConfig, load_ear
+from training.speech.source import EarSpeech
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
@@ -102,7 +103,8 @@ STM = {
 
 def ats_table(arguments) -> Table:
     """Sound to landmarks. Every variant trains for equally many steps from the same seed."""
-    entries = of_folders(arguments.corpus, 1, arguments.seed, arguments.limit)
+    heard = EarSpeech(load_ear(SHIPPED_EAR), ear.of_folders(arguments, EarConfig().taps))
+    entries = heard.entries
     has_intensity = any(e.intensity > 0 for e in entries)
     variants = {name: kind for name, kind in ATS.items() if has_intensity or kind is not WithoutIntensity}
     rows, clips = {}, 0
@@ -110,21 +112,20 @@ def ats_table(arguments) -> Table:
         print(name, flush=True)
         out = arguments.out / kind.__name__
         line = ["--corpus", *map(str, arguments.corpus), "--out", str(out), "--steps", str(arguments.steps),
-                "--tokens", str(arguments.tokens), "--seed", str(arguments.seed), "--voices", "1",
+                "--tokens", str(arguments.tokens), "--seed", str(arguments.seed),
                 "--validation-clips", "0", "--log-every", str(arguments.steps)]  # fmt: skip
         line += ["--limit", str(arguments.limit)] if arguments.limit else []
         line += ["--device", arguments.device]
         saved = torch.load(train_ats.train(train_ats.parser().parse_args(line), kind))
         model = kind(AtsConfig.from_json(saved["config"]))
         model.load_state_dict(saved["state"])
-        heard = CompactSpeech(load_encoder(train_ats.SHIPPED_ENCODER), entries)
         scores = ats_scores(model.eval(), heard, few([e for e in entries if e.held_out], arguments.clips))
         rows[name], clips = scores, len(scores)
     what = f"sound to landmarks, {arguments.steps} steps of {arguments.tokens} frames"
     return Table("Ablations", what, means(rows), clips, 68)
 
 
-def ats_scores(model: AtsDenoiser, speech: CompactSpeech, entries) -> list[dict[str, float]]:
+def ats_scores(model: AtsDenoiser, speech: EarSpeech, entries) -> list[dict[str, float]]:
     """Metrics of held-out clips in the default style, by the model's own sampling."""
     style, scores = model.config.styles.index(ANY_STYLE), []
     for entry in entries:

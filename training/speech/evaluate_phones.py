@@ -14,10 +14,11 @@ import numpy as np
 import torch
 
 from training import DATA, shipped
+from training.corpus.action_units import runs
 from training.corpus.heard import Heard, load
 from training.flags import run_command
 from training.nn.checkpoint import read_model, restored
-from training.speech.compact import SHIPPED_ENCODER, load_encoder
+from training.speech.ear import Ear
 from training.speech.letters import best_path, emissions, romanised, states_of, word_times
 from training.speech.phones import CLASSES, COARSE, PhoneConfig, PhoneReadout, class_of_segment
 from training.speech.train_phones import log_likelihood, rows_of
@@ -25,7 +26,11 @@ from training.speech.train_phones import log_likelihood, rows_of
 PHONES = shipped("phones")
 RATE_HZ = 100.0
 FIRST_S = -0.02
-WITHIN_S = (0.05, 0.1)
+WITHIN_S = (0.04, 0.1)
+CONTACTS = {"p b m": "pbm", "f v": "fv", "rounded": "uwyʊoɔ", "th": "θð", "s z sh": "szʃʒ"}
+"""Groups of classes that a viewer sees on the lips."""
+SURE, NEAR_S = 0.5, 0.04
+"""Probability from which a group counts as heard, and by how many seconds its times may be off."""
 
 
 def read_phones(folder: Path) -> tuple[PhoneReadout, np.ndarray]:
@@ -49,6 +54,37 @@ def frame_scores(model: PhoneReadout, heard: list[Heard]) -> dict[str, float]:
         merged = torch.zeros(len(log_p), len(COARSE)).index_add(1, coarse, log_p.exp())
         right_coarse.append((merged.argmax(dim=1) == coarse[true_classes])[said])
     return {"classes": _mean(right), "coarse": _mean(right_coarse)}
+
+
+@torch.no_grad()
+def contact_scores(model: PhoneReadout, heard: list[Heard]) -> dict[str, dict[str, float]]:
+    """Precision and recall of the sounds that a viewer sees on the lips, by group of classes, and false ones
+    a minute. A run of rows over `SURE` is one sound; it is true if a phone of the group lies within `NEAR_S`.
+    """
+    report = {}
+    for name, signs in CONTACTS.items():
+        said = met = shown = true = seconds = 0
+        columns = [index for index, sign in enumerate(CLASSES) if sign in signs]
+        for h in heard:
+            classes = rows_of(class_of_segment()[h.phones.long()])
+            is_said = torch.isin(classes, torch.tensor(columns))
+            is_shown = model(h.features[-1].float()[None])[0].exp()[:, columns].sum(dim=1) > SURE
+            said_runs, shown_runs = runs(is_said.int()), runs(is_shown.int())
+            said, shown = said + len(said_runs), shown + len(shown_runs)
+            met += _overlaps(said_runs, is_shown)
+            true += _overlaps(shown_runs, is_said)
+            seconds += len(classes) / RATE_HZ
+        report[name] = {
+            "precision": true / max(shown, 1), "recall": met / max(said, 1), "said": said,
+            "false a minute": 60.0 * (shown - true) / max(seconds, 1e-9),
+        }  # fmt: skip
+    return report
+
+
+def _overlaps(spans: list[tuple[int, int]], other: torch.Tensor) -> int:
+    """How many spans of rows lie within `NEAR_S` of a row of `other` [T] bool."""
+    near = round(NEAR_S * RATE_HZ)
+    return sum(bool(other[max(first - near, 0) : end + near].any()) for first, end in spans)
 
 
 def _mean(parts) -> float:
@@ -93,6 +129,7 @@ def measure(model: PhoneReadout, table: np.ndarray, every: list[Heard]) -> dict:
         row = {}
         if chosen[0].phones is not None:
             row["frames"] = frame_scores(model, chosen)
+            row["contacts"] = contact_scores(model, chosen)
         if chosen[0].words:
             row["words"] = word_scores([align(model, table, h) for h in chosen], chosen)
             row["evenly"] = word_scores([spread_evenly(h) for h in chosen], chosen)
@@ -109,7 +146,7 @@ def main(
 ) -> None:
     """Command line."""
     torch.set_num_threads(1)
-    every = load(data, cache, load_encoder(SHIPPED_ENCODER), minutes)
+    every = load(data, cache, Ear(), minutes)
     for source, row in measure(*read_phones(model), every).items():
         print(source, json.dumps(row))
 

@@ -1,4 +1,4 @@
-"""Reads from the compact encoder's features which phone is heard when, at 100 frames a second.
+"""Reads from the ear's features which phone is heard when, at 100 frames a second.
 
 Twin of `rust-core/src/speech/phones.rs`. Frame t of the encoder is at t / 25 s. Row 4 t + j of the posteriors
 is at (4 t + j − 2) / 100 s, so the four rows of a frame lie from 20 ms before it to 10 ms after it.
@@ -77,9 +77,10 @@ def class_of_segment() -> Tensor:
 
 @dataclass
 class PhoneConfig(Config):
-    """Sizes of the read-out and the signs of its classes."""
+    """Sizes of the read-out, the encoder that it reads, and the signs of its classes."""
 
     model: str = "phones"
+    encoder: str = "ear"
     channels: int = 192
     hidden: int = 128
     phones: list[str] = field(default_factory=lambda: list(CLASSES))

@@ -3,11 +3,9 @@
     python -m training.speech.train --data ../shared/data --out runs/speech
 
 Each source of motion has its own linear read-out, so that two people do not average into one. Speech without
-a face (many voices, eighteen languages) contributes its phones. With `--ear ear.pt` of
-`training.speech.train_ear`, that teacher gives this speech its motion instead of the co-articulation rules,
-and the encoder also learns the teacher's features (or a `--layer` of Whisper). With `--corpus DIR [DIR ...]`
-it trains only on corpus folders, and on their phones if they have any. Only the encoder is kept. Seeded;
-resumes from `--out/last.pt` with the same bits.
+a face (many voices, eighteen languages) contributes its phones. With `--corpus DIR [DIR ...]` it trains only
+on corpus folders, and on their phones if they have any. Only the encoder is kept. Seeded; resumes from
+`--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -29,19 +27,16 @@ from training.losses import (
     lip_gap,
     motion_loss,
     source_scale,
-    weighted_mean,
 )
 from training.machine import Machine
 from training.run import Run, begin, descend, seeded, trainer_parser
 from training.speech.compact import CompactConfig, CompactEncoder, debug_config, load_encoder, normalise
-from training.speech.ear import MOTION, TargetWindows, add_arguments, lessons, with_target
 from training.speech.strangers import scores
 from training.speech.targets import PhoneHead
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.2, "taught": 0.45}
 CONCORDANCE = 0.3
 ARTICULATION = 0.5
-DISTILLATION = 0.5
 HEARD_EVERY = 2
 JUDGED_CLIPS = 100
 
@@ -49,13 +44,12 @@ JUDGED_CLIPS = 100
 class SpeechToMotion(nn.Module):
     """The encoder and one linear read-out to 204 displacements (in units of the source)."""
 
-    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1, targets: int = 0):
+    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1):
         super().__init__()
         self.encoder = CompactEncoder(config)
         self.dropout = nn.Dropout(dropout)
         self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
         self.phones = PhoneHead(config.channels)
-        self.target = nn.Linear(config.channels, targets) if targets else None
 
     def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
         """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
@@ -68,28 +62,17 @@ class SpeechToMotion(nn.Module):
 
 
 def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: torch.Tensor, machine: Machine):
-    """Loss of one batch: motion, concordance and articulation; `scale` [B, 1, 1] metres by source.
-
-    Columns of motion after the first 204 are features that the encoder must predict (`with_target`).
-    """
-    motion, target_features = batch.motion[..., :MOTION], batch.motion[..., MOTION:]
-    motion_weight, known = batch.weight[..., :MOTION], batch.weight[..., MOTION:]
+    """Loss of one batch: motion, concordance and articulation; `scale` [B, 1, 1] metres by source."""
     with machine.autocast():
         features = model.dropout(model.encoder(batch.mel))
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
-        predicted_features = None if model.target is None else model.target(features).float()
-    truth = motion / scale
-    moved = motion_loss(prediction - truth, motion_weight * weight)
-    has_motion = motion_weight.amax(dim=(1, 2)) > 0
+    truth = batch.motion / scale
+    moved = motion_loss(prediction - truth, batch.weight * weight)
+    has_motion = batch.weight.amax(dim=(1, 2)) > 0
     agreement, parts = feature_concordance(prediction[has_motion], truth[has_motion])
-    loss = moved + CONCORDANCE * agreement + ARTICULATION * said
     parts |= {"motion": moved.item(), "said": said.item()}
-    if predicted_features is not None:
-        error = predicted_features - target_features
-        distillation = weighted_mean(error, known.expand_as(error))
-        parts, loss = parts | {"told": distillation.item()}, loss + DISTILLATION * distillation
-    return loss, parts
+    return moved + CONCORDANCE * agreement + ARTICULATION * said, parts
 
 
 @torch.no_grad()
@@ -139,14 +122,13 @@ def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales
 class Speech:
     """Speech of a training run: its entries, and how often each source is drawn.
 
-    Motion is judged on `judged` and closures on `heard`. `targets` is the number of features to predict.
+    Motion is judged on `judged` and closures on `heard`.
     """
 
     entries: list[bank.Entry]
     judged: list[bank.Entry]
     heard: list[bank.Entry]
     shares: dict[str, float]
-    targets: int = 0
 
 
 def speech_of(arguments) -> Speech:
@@ -156,8 +138,6 @@ def speech_of(arguments) -> Speech:
     entries = entries_of(arguments, voices, limit)
     if arguments.corpus:
         return Speech(entries, entries, with_phones([e for e in entries if e.held_out]), lasting(entries))
-    if arguments.ear is not None:
-        return taught_by_ear(arguments, entries)
     if not debug:
         left = tuple(arguments.leave_speech)
         teacher = Teacher.load() if arguments.teacher else None
@@ -169,16 +149,6 @@ def speech_of(arguments) -> Speech:
     return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in sources})
 
 
-def taught_by_ear(arguments, recorded: list[bank.Entry]) -> Speech:
-    """Recorded clips, and all other speech with motion from the teacher on Whisper. Both get its features."""
-    taught, targets = lessons(arguments)
-    entries = taught + [with_target(e, targets[e.source, e.name]) for e in recorded]
-    judged = recorded + taught + spoken.unseen(arguments.data)
-    heard = [e for e in judged if e.source == spoken.SOURCE and e.held_out and (e.phones >= 0).all()]
-    shares = {s: share for s, share in SHARES.items() if s not in arguments.leave_out}
-    return Speech(entries, judged, heard[::HEARD_EVERY], shares, taught[0].motion.shape[1] - MOTION)
-
-
 def train(arguments) -> Path:
     """Runs the training and returns the checkpoint's path."""
     seeded(arguments)
@@ -187,9 +157,8 @@ def train(arguments) -> Path:
     speech = speech_of(arguments)
     sources, scales = list(speech.shares), measured_scales([*speech.shares], speech.entries)
     shares = list(speech.shares.values())
-    windows = TargetWindows if speech.targets else WindowSampler
-    sampler = windows(speech.entries, sources, shares, arguments.seed, AugmentOptions())
-    model = SpeechToMotion(config, sources, targets=speech.targets)
+    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, AugmentOptions())
+    model = SpeechToMotion(config, sources)
     if arguments.init is not None and arguments.init.is_dir():
         model.encoder.load_state_dict(load_encoder(arguments.init).state_dict())
     elif arguments.init is not None:
@@ -230,7 +199,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
     )
-    add_arguments(parser)
     parser.add_argument("--channels", type=int, default=192, help="width of the encoder")
     parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--voices", type=int, default=7)

@@ -15,13 +15,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.corpus import bank
+from training.corpus import bank, spoken
 from training.corpus.phones import BILABIALS
 from training.corpus.shares import lasting, with_phones
+from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, WindowSampler
 from training.run import downhill, seeded
 from training.speech.compact import CompactConfig, CompactEncoder
-from training.speech.ear import add_arguments, speech_without_a_face
 from training.speech.targets import windows_of
 
 EARLY_MEL_FRAMES = 3
@@ -69,7 +69,9 @@ def speech_with_phones(arguments) -> tuple[list[bank.Entry], dict[str, float]]:
             raise ValueError("--corpus: expected phones/CLIP.tsv of one training clip or more, got none")
         return entries, lasting(entries)
     entries = bank.load(arguments.data, arguments.cache, arguments.voices)
-    return entries + speech_without_a_face(arguments), SHARES
+    left = tuple(arguments.leave_speech)
+    speech = (arguments.minutes, left, Teacher.load(), arguments.reader)
+    return entries + spoken.load(arguments.data, arguments.cache, *speech), SHARES
 
 
 def main(line: list[str] | None = None) -> None:
@@ -80,7 +82,6 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--reader", type=Path, help="the --reader of training.systems.freetalk.train")
-    add_arguments(parser)
     parser.add_argument("--leave-speech", nargs="*", default=[])
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--voices", type=int, default=7)

@@ -1,4 +1,4 @@
-"""Trains the phone recogniser, which also aligns texts, on the frozen encoder.
+"""Trains the phone recogniser, which also aligns texts, on the ear.
 
     python -m training.speech.train_phones --data ../shared/data --out runs/phones
 
@@ -21,7 +21,7 @@ from training.corpus.heard import Heard, load
 from training.corpus.phones import SEGMENTS, segments
 from training.nn.checkpoint import write_model
 from training.run import downhill, seeded
-from training.speech.compact import SHIPPED_ENCODER, load_encoder
+from training.speech.ear import Ear
 from training.speech.letters import NEVER as LETTERS_NEVER
 from training.speech.letters import UNITS, best_path, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
@@ -122,11 +122,11 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
 def train(arguments) -> Path:
     """Runs the training and returns the model's folder."""
     seeded(arguments)
-    encoder = load_encoder(SHIPPED_ENCODER)
-    every = load(arguments.data, arguments.cache, encoder, arguments.minutes)
+    ear = Ear()
+    every = load(arguments.data, arguments.cache, ear, arguments.minutes)
     heard = [h for h in every if not h.held_out and h.source not in NEVER]
     timed, texts = ([h for h in heard if (h.phones is None) == untimed] for untimed in (False, True))
-    model = PhoneReadout(PhoneConfig(channels=encoder.config.channels, hidden=arguments.hidden))
+    model = PhoneReadout(PhoneConfig(channels=ear.body.config.channels, hidden=arguments.hidden))
     fit(model, timed, arguments.steps // 2, arguments.batch, arguments.seed)
     timed += read_texts(model, texts)
     fit(model, timed, arguments.steps, arguments.batch, arguments.seed + 1)

@@ -14,6 +14,7 @@ are computed in spans with 1.5 s of context on either side.
 """
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -24,7 +25,9 @@ import torch.nn.functional as F
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from training import shipped
 from training.flags import run_command
+from training.nn.checkpoint import read_model
 from training.packages import check_hash, wheel_files
 from training.speech.log_mel import HOP, SAMPLE_RATE_HZ
 
@@ -34,6 +37,7 @@ BANDS = 80
 FLOOR = 1e-10
 RANGE = 8.0
 """Bands more than this many decades of power below the loudest band of a sound are raised to that limit."""
+SHIPPED_TRUNK = shipped("whisper_trunk")
 SPAN, CONTEXT = 600, 75
 """Number of features computed in one pass, and number of context features on either side of them."""
 HEAD_WIDTH = 64
@@ -119,36 +123,42 @@ def slaney_hertz(mel):
     return np.where(mel < 15.0, mel * 200.0 / 3.0, 1000.0 * np.exp((mel - 15.0) * np.log(6.4) / 27.0))
 
 
-def filters(fft: int = FFT) -> Tensor:
+def filters(fft: int = FFT, warp: float = 1.0) -> Tensor:
     """Triangles of equal area between 0 and 8 kHz, [fft / 2 + 1, 80] f32.
+
+    `warp` multiplies the frequency of every bin before the filters apply (another length of the vocal tract).
 
     The filters are scaled so that a flat spectrum has the same band powers at any `fft` as at Whisper's 400.
     """
     edges = slaney_hertz(np.linspace(0.0, slaney_mel(8000.0), BANDS + 2))
-    hertz = np.arange(fft // 2 + 1) * SAMPLE_RATE_HZ / fft
+    hertz = np.arange(fft // 2 + 1) * SAMPLE_RATE_HZ / fft * warp
     rise = (hertz[:, None] - edges[None, :-2]) / (edges[1:-1] - edges[:-2])
     fall = (edges[None, 2:] - hertz[:, None]) / (edges[2:] - edges[1:-1])
     area = 2.0 / (edges[2:] - edges[:-2]) * FFT / fft
     return torch.from_numpy(np.maximum(np.minimum(rise, fall), 0.0) * area).float()
 
 
-def whisper_mel(samples: Tensor) -> Tensor:
-    """Whisper's log-mel at 100 Hz, [S] in −1 … 1 → [S // 160, 80]; frame i is centred on sample 160 i."""
+def decades(samples: Tensor) -> Tensor:
+    """Power in Whisper's bands at 100 Hz, [S] in −1 … 1 → [S // 160, 80] decades; frame i is centred on
+    sample 160 i."""
     padded = F.pad(samples.float()[None], (FFT // 2, FFT // 2), mode="reflect")[0]
     framed = padded.unfold(0, FFT, HOP)[: samples.shape[0] // HOP]
     spectrum = torch.fft.rfft(framed * torch.hann_window(FFT, periodic=True))
-    return compressed((spectrum.real.square() + spectrum.imag.square()) @ filters())
+    return ((spectrum.real.square() + spectrum.imag.square()) @ filters()).clamp_min(FLOOR).log10()
 
 
-def mel_of_power(power: Tensor) -> Tensor:
-    """Whisper's log-mel [T, 80] of `log_mel.power_spectrum` [T, 257], for voices without a waveform."""
-    return compressed(power.float() @ filters(2 * (power.shape[1] - 1)))
+def decades_of_power(power: Tensor, warp: float = 1.0) -> Tensor:
+    """The same of `log_mel.power_spectrum` [T, 257], for voices without a waveform."""
+    return (power.float() @ filters(2 * (power.shape[1] - 1), warp)).clamp_min(FLOOR).log10()
 
 
-def compressed(mel: Tensor) -> Tensor:
-    """Band powers on Whisper's scale: decades, at most 8 under the loudest, mapped to about −1 … 1."""
-    decades = mel.clamp_min(FLOOR).log10()
-    return (decades.clamp_min(decades.max() - RANGE) + 4.0) / 4.0
+def whisper_mel(samples: Tensor) -> Tensor:
+    """Whisper's log-mel at 100 Hz, [S] in −1 … 1 → [S // 160, 80].
+
+    `decades` on Whisper's scale: at most 8 under the loudest, mapped to about −1 … 1.
+    """
+    mel = decades(samples)
+    return (mel.clamp_min(mel.max() - RANGE) + 4.0) / 4.0
 
 
 @dataclass
@@ -341,6 +351,23 @@ def load(folder: Path) -> WhisperEncoder:
     model = WhisperEncoder(WhisperConfig(layers, width, len(places), max(width // HEAD_WIDTH, 1)))
     state = {ours: torch.from_numpy(tensors[name].astype(np.float32)) for ours, name in names(layers).items()}
     model.load_state_dict(state)
+    return model.eval().requires_grad_(False)
+
+
+def sinusoids(places: int, width: int) -> Tensor:
+    """Whisper's position codes, [places, width]: sines, then cosines, of periods from 2 π to 20,000 π."""
+    step = math.log(10000.0) / (width // 2 - 1)
+    angle = torch.arange(places)[:, None] * torch.exp(-step * torch.arange(width // 2))
+    return torch.cat([angle.sin(), angle.cos()], dim=1)
+
+
+def load_trunk(folder: Path = SHIPPED_TRUNK) -> WhisperEncoder:
+    """The first layers of Whisper that the library carries, for `hear` on any of its layers."""
+    config, state = read_model(folder)
+    sizes = WhisperConfig(config["layers"], config["width"], SPAN + 2 * CONTEXT, config["heads"])
+    model = WhisperEncoder(sizes)
+    model.norm = nn.Identity()
+    model.load_state_dict(state | {"places": sinusoids(sizes.places, sizes.width)})
     return model.eval().requires_grad_(False)
 
 

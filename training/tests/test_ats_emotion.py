@@ -3,10 +3,8 @@
 import pytest
 import torch
 
-from training.corpus.bank import Entry, of_folders
+from training.corpus.bank import Entry
 from training.nn.checkpoint import restored
-from training.speech.compact import load_encoder
-from training.speech.source import CompactSpeech
 from training.systems.freetalk import train
 from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
 from training.tests.made_up import FELT, felt_grades
@@ -16,13 +14,14 @@ from training.tests.made_up import FELT, felt_grades
 def test_the_upper_face_follows_label_and_intensity(tmp_path):
     folder = felt_grades(tmp_path / "grades")
     flags = ["--corpus", str(folder), "--out", str(tmp_path / "run"), "--recipe", "paper", "--steps", "120",
-             "--rate", "1e-3", "--tokens", "256", "--voices", "1", "--log-every", "1000"]  # fmt: skip
-    saved = torch.load(train.train(train.parser().parse_args(flags)))
+             "--rate", "1e-3", "--tokens", "256", "--log-every", "1000"]  # fmt: skip
+    arguments = train.parser().parse_args(flags)
+    saved = torch.load(train.train(arguments))
     config = AtsConfig.from_json(saved["config"])
     assert config.emotion == "learned"
     model = restored(AtsDenoiser(config), saved["state"])
-    entries = [entry for entry in of_folders([folder], 1) if entry.held_out]
-    speech = CompactSpeech(load_encoder(train.SHIPPED_ENCODER), entries)
+    speech = train.speech_source(arguments, config)
+    entries = [entry for entry in speech.entries if entry.held_out]
     style = config.styles.index(ANY_STYLE)
 
     def brows(entry: Entry) -> float:

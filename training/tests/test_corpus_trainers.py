@@ -38,7 +38,7 @@ def state(trainer, corpus: Path, out: Path, *more: str) -> dict[str, torch.Tenso
 @pytest.fixture(scope="module")
 def finished(corpus, tmp_path_factory) -> Path:
     """An ats.pt with its encoder."""
-    flags = ["--config", "debug", "--voices", "1", "--validation-clips", "0", "--steps", "4"]
+    flags = ["--config", "debug", "--validation-clips", "0", "--steps", "4"]
     state(train_ats, corpus, out := tmp_path_factory.mktemp("ats"), *flags)
     return out / "ats.pt"
 

@@ -1,19 +1,18 @@
-"""Facts about the teacher on Whisper and the lessons that it gives, on made-up features."""
+"""Facts about the ear's body and the scores of motion, on made-up features."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from training.corpus.ear import LAYERS, EarClip
+from training.corpus.ear import LAYERS, MOTION, SILENT_SOUNDS, EarClip, silence, timed
 from training.corpus.phones import SEGMENTS, Phone
-from training.corpus.windows import AugmentOptions
-from training.losses import SCALE_M, lip_gap
-from training.nn.checkpoint import save
+from training.losses import lip_gap
 from training.speech import strangers
-from training.speech.compact import CompactEncoder, debug_config
-from training.speech.ear import MOTION, EarConfig, EarTeacher, EarToMotion, TargetWindows, timed, with_target
-from training.speech.fold import feature_map, folded
-from training.speech.train_ear import EarSampler, phones_right
+from training.speech.ear import EarBody, debug_config, ear_mel
+from training.speech.fold import feature_map, features_of, folded, with_styles
+from training.speech.train_ear import EarSampler, EarToMotion, phones_right
 
 WIDTH = 8
 
@@ -33,59 +32,36 @@ def clip(name: str, source: str, frames: int, seed: int, voices: int = 2) -> Ear
     )  # fmt: skip
 
 
-def teacher(tmp_path, layer: int | None = None) -> EarTeacher:
-    """Untrained, but for a read-out whose mouth stands open."""
-    torch.manual_seed(0)
-    model = EarToMotion(EarConfig(width=WIDTH, channels=16, dilations=[1]), ["grid_s1"])
-    with torch.no_grad():
-        model.readouts[0].bias[3 * 62 + 1] = 3.0
-    save(tmp_path / "ear.pt", model, sources=["grid_s1"])
-    return EarTeacher(tmp_path / "ear.pt", layer)
-
-
 def test_windows_of_features_fit_those_of_motion():
     clips = [clip("a", "grid_s1", 30, 0), clip("b", "grid_s1", 50, 1), clip("c", "espeak_de", 40, 2)]
     batch = EarSampler(clips, {"grid_s1": 0.7, "taught": 0.3}, 0).batch(6, 40)
     assert batch.heard.shape == (6, len(LAYERS), 80, WIDTH) and batch.phones.shape == (6, 160)
-    assert batch.levels.shape == (6, 80, 8)
     opening = 10e-3 + 2e-3 * batch.heard[:, 0, ::2, 0].float()
     is_own = (lip_gap(batch.motion) - opening).abs().amax(dim=1) < 1e-4
     assert is_own.any() and not is_own.all(), "re-voiced copies have features of their own"
 
 
-def test_lips_meet_where_p_is_known_and_its_features_lie_beside(tmp_path):
-    speech = clip("de_0", "espeak_de", 50, 3)
-    lesson = teacher(tmp_path).lesson(speech, None)
-    assert (lesson.source, lesson.name) == ("taught", "espeak_de/de_0")
-    gap = lip_gap(lesson.motion[:, :MOTION].float())
-    assert gap[26] < 0.3e-3 and gap[10] > SCALE_M["grid_s1"]
-    assert lesson.motion.shape == (50, MOTION + 16) and lesson.weight.shape == (50, MOTION + 1)
+def test_loud_and_quiet_copies_of_a_sound_are_one_to_the_ear():
+    time = torch.arange(16000) / 16000
+    voice = 0.3 * torch.sin(2 * torch.pi * 150 * time) * torch.sin(2 * torch.pi * 3 * time).abs()
+    loud, quiet = ear_mel(voice), ear_mel(0.05 * voice)
+    torch.testing.assert_close(quiet, loud, atol=1e-3, rtol=0)
+    assert ear_mel(1e-4 * voice).max() < loud.max() - 0.2, "near-silence stays silent"
 
 
-def test_unread_speech_is_taught_without_contacts(tmp_path):
-    speech = clip("x", "picovoice_en", 50, 3)
-    speech.phones.fill_(-1)
-    lesson = teacher(tmp_path).lesson(speech, None)
-    assert (lesson.phones == -1).all(), "an untrained teacher is sure of nothing"
-    assert lip_gap(lesson.motion[:, :MOTION].float()).min() > SCALE_M["grid_s1"]
+def test_silence_holds_no_speech_and_a_face_at_rest():
+    sounds = silence(np.random.default_rng(0))
+    assert len(sounds) == SILENT_SOUNDS and np.abs(sounds[0].samples).max() == 0.0
+    assert all([p.label for p in u.phones] == ["_"] and np.isfinite(u.samples).all() for u in sounds)
 
 
-def test_target_of_a_layer_stands_on_the_frames_of_motion(tmp_path):
-    speech = clip("x", "grid_s1", 40, 4)
-    ramp = torch.arange(80.0)[:, None].expand(80, WIDTH) / 20.0
-    speech.heard[0, LAYERS.index(4)] = ramp.half()
-    target = teacher(tmp_path, layer=4).target(speech).float()
-    expected = torch.arange(40.0)[:, None].expand(40, WIDTH) / 10.0
-    torch.testing.assert_close(target[1:-1], expected[1:-1], atol=5e-3, rtol=0)
-
-
-def test_silence_tells_nothing_of_features():
-    entry = with_target(clip("a", "grid_s1", 60, 5), torch.ones(60, 3).half())
-    options = AugmentOptions(silent_share=1.0)
-    silent = TargetWindows([entry], ["grid_s1"], [1.0], 0, options).batch(2, 24)
-    assert (silent.weight[..., -1] == 0).all() and (silent.weight[..., :-1] == 1).all()
-    heard = TargetWindows([entry], ["grid_s1"], [1.0], 0, AugmentOptions(silent_share=0.0)).batch(2, 24)
-    assert (heard.motion[..., MOTION:] == 1).all() and (heard.weight[..., -1] == 1).all()
+def test_a_body_gives_one_row_for_two_of_whisper():
+    body = EarBody(debug_config()).eval()
+    heard = torch.randn(3, 2, 26, 16)
+    features = body(heard)
+    assert features.shape == (3, 13, 16)
+    heard[:, :, 20:] += 1e6
+    assert torch.isfinite(body(heard)).all()
 
 
 def test_a_track_of_segments_comes_back_as_phones():
@@ -99,7 +75,7 @@ def test_a_track_of_segments_comes_back_as_phones():
 
 
 def test_phones_are_judged_outside_pauses():
-    model = EarToMotion(EarConfig(width=WIDTH, channels=16, dilations=[1]), ["grid_s1"]).eval()
+    model = EarToMotion(replace(debug_config(), width=WIDTH)).eval()
     with torch.no_grad():
         model.phones.readout.bias[SEGMENTS.index("p")] = 1e3
     right = phones_right(model, clip("a", "espeak_de", 40, 6))
@@ -119,20 +95,30 @@ def test_scores_take_loudness_out():
     assert loud["gap r"] > 0.7 and abs(loud["gap beyond"]) < 0.2
 
 
-def test_a_denoiser_hears_another_encoder_as_its_own():
+def test_a_model_hears_another_encoder_as_its_own():
     torch.manual_seed(1)
-    old, new = (CompactEncoder(debug_config()).eval() for _ in range(2))
+    config = replace(debug_config(), width=WIDTH)
+    old, new = (EarBody(config).eval() for _ in range(2))
     new.load_state_dict(old.state_dict())
-    order = torch.randperm(16)
     with torch.no_grad():
         new.norm.weight.copy_(torch.linspace(0.5, 2.0, 16))
         new.norm.bias.copy_(torch.randn(16))
-    mels = [torch.randn(80, 64) for _ in range(4)]
-    matrix, shift, met = feature_map(old, new, mels)
+    clips = [clip(str(n), "grid_s1", 60, n) for n in range(6)]
+    matrix, shift, met = feature_map(old, new, clips)
     assert met > 0.999
     layer = torch.nn.Linear(16, 5)
-    heard = folded(layer, matrix[:, order], shift)(new(mels[0][None])[..., order])
-    torch.testing.assert_close(heard, layer(old(mels[0][None])), atol=5e-3, rtol=0)
+    state = {f"mem_proj.{name}": value for name, value in layer.state_dict().items()}
+    state = folded(state, "mem_proj", matrix, shift)
+    heard = features_of(new, clips[0]) @ state["mem_proj.weight"].T + state["mem_proj.bias"]
+    torch.testing.assert_close(heard, layer(features_of(old, clips[0])), atol=2e-2, rtol=0)
+
+
+def test_a_source_that_a_model_lacks_gets_the_style_of_grid_s1():
+    table = torch.arange(8.0).reshape(4, 2)
+    styles = ["grid_s1", "facegood_zh", "taught", "any"]
+    state, config = with_styles({"style.weight": table}, {"styles": styles})
+    assert config["styles"] == ["grid_s1", "grid_five", "facegood_zh", "taught", "any"]
+    assert state["style.weight"].tolist() == table[[0, 0, 1, 2, 3]].tolist()
 
 
 def test_closures_are_met_or_false_where_they_stand():

@@ -86,9 +86,9 @@ def test_ats_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, n
         flags = ["--hubert", str(tmp_path / "checkpoint")]
         options = ["--speech", str(tmp_path / "checkpoint")]
     elif name == "paper":
-        flags = ["--speech", str(train_ats.SHIPPED_ENCODER)]
+        flags = ["--speech", str(train_ats.SHIPPED_EAR)]
     flags += ["--corpus", str(faces), "--out", str(out), "--config", name, "--tokens", "96"]
-    flags += ["--voices", "1", "--validation-clips", "0", "--steps", "6" if name == "paper" else "20"]
+    flags += ["--validation-clips", "0", "--steps", "6" if name == "paper" else "20"]
     trained = train_ats.train(train_ats.parser().parse_args(flags))
     export("ats", models, run=trained, steps=4)
     moves(animate(faces, tmp_path, "--weights", models, *options), built_in)
@@ -100,7 +100,7 @@ HEARS = [(name, "compact") for name in CAFE_TALK] + [("compact", features) for f
 @pytest.mark.parametrize("name,features", [*HEARS, ("paper", "stable")])
 def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
     flags, options = (
-        ["--corpus", str(faces), "--config", name, "--text", str(little_space(tmp_path)), "--voices", "1"],
+        ["--corpus", str(faces), "--config", name, "--text", str(little_space(tmp_path))],
         [],
     )
     flags += ["--tokens", "96", "--validation-clips", "0", "--steps", "4" if name == "paper" else "20"]

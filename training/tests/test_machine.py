@@ -19,7 +19,7 @@ from training.systems.freetalk.stm.train_paper import motion_loss
 from training.systems.freetalk.train import AtsTrainer, parser, speech_source, start, steps_of, train
 from training.tests.made_up import made_up
 
-FLAGS = ["--config", "debug", "--voices", "1", "--validation-clips", "0"]
+FLAGS = ["--config", "debug", "--validation-clips", "0"]
 
 
 @pytest.fixture(scope="module")

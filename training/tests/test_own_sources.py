@@ -38,7 +38,7 @@ def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
     few = grid.read_grid(SHARED / "data")[:11:5]
     names = {clip.name for clip in few}
     monkeypatch.setattr(project.grid, "read_grid", lambda data: few)
-    monkeypatch.setattr(project, "read_grid_speech", lambda data: read_grid_speech(data, names))
+    monkeypatch.setattr(project, "read_grid_speech", lambda data: read_grid_speech(data, chosen=names))
     converted = clips(CorpusFolder(project.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
     alike(converted, few, 1e-6)
     for a, b in zip(converted, few, strict=True):

@@ -32,7 +32,7 @@ def corpus(tmp_path_factory) -> Path:
 
 def run(corpus: Path, out: Path, *more: str) -> Path:
     """Trains ATS for 20 steps."""
-    flags = ["--corpus", str(corpus), "--out", str(out), "--steps", "20", "--tokens", "128", "--voices", "1"]
+    flags = ["--corpus", str(corpus), "--out", str(out), "--steps", "20", "--tokens", "128"]
     return train(parser().parse_args([*flags, "--validation-clips", "0", *more]))
 
 
@@ -54,7 +54,7 @@ def test_every_ats_trains_and_exports(corpus, tmp_path, name):
     more = ["--hubert", str(tmp_path / "hubert")] if name == "paper" else []
     config = exported(run(corpus, tmp_path / "run", "--config", name, *more), tmp_path / "models", name)
     assert config.styles == ["made_up", "any"] and config.emotion == "learned"
-    expected = {"debug": ("compact_speech", 16), "compact": ("compact_speech", 192), "paper": ("hubert", 32)}
+    expected = {"debug": ("compact_speech", 16), "compact": ("ear", 192), "paper": ("hubert", 32)}
     assert (config.speech.encoder, config.speech.channels) == expected[name]
 
 

@@ -116,10 +116,10 @@ def test_trainers_hear_a_folder_as_they_hear_hubert(folder, tmp_path):
 
 def test_mel_of_a_power_spectrum_is_that_of_the_sound():
     samples = noise(2.0)
-    exact = whisper.whisper_mel(samples)
-    near = whisper.mel_of_power(power_spectrum(samples))[: len(exact)]
+    exact = whisper.decades(samples)
+    near = whisper.decades_of_power(power_spectrum(samples))[: len(exact)]
     # A band of low frequency is as wide as one bin, so single frames differ.
-    assert (near - exact)[2:-2].mean(dim=0).abs().max() < 0.06
+    assert (near - exact)[2:-2].mean(dim=0).abs().max() < 0.24
 
 
 def test_a_folder_without_weights_says_how_to_get_them(tmp_path):

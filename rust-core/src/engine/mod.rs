@@ -57,7 +57,7 @@ pub struct EngineOptions {
     /// Number of worker threads; `None` takes one per core.
     pub threads: Option<usize>,
     /// A folder with a HuBERT or wav2vec2 checkpoint in the layout of Hugging Face. It replaces the
-    /// compact speech encoder, so the system's weights must have been trained with it. Without this
+    /// built-in speech encoder, so the system's weights must have been trained with it. Without this
     /// option, a system whose config names `hubert` or `wav2vec2` takes the folder of that name
     /// among the models.
     pub speech: Option<PathBuf>,
@@ -172,8 +172,16 @@ impl Engine {
         let system = (registration.open)(folder)?;
         let checkpoint = options.speech.as_deref();
         let input = system.description().speech;
-        let encoder = Opened::of(&speech::COMPACT_MODEL, folder, || {
+        let name = input.map_or(speech::EAR_MODEL.name, |input| &input.encoder);
+        let built_in = match name == speech::COMPACT_MODEL.name {
+            true => &speech::COMPACT_MODEL,
+            false => &speech::EAR_MODEL,
+        };
+        let encoder = Opened::of(built_in, folder, || {
             Ok(Arc::from(speech::open(input, checkpoint, folder)?))
+        })?;
+        let phone_model = Opened::of(PhoneModel::built_in(name), folder, || {
+            PhoneModel::open(folder, name).map(Arc::new)
         })?;
         Ok(Engine {
             registration,
@@ -191,9 +199,7 @@ impl Engine {
                 None => None,
             },
             rig_model: OnceLock::new(),
-            phone_model: Opened::of(&speech::PHONE_MODEL, folder, || {
-                PhoneModel::open(folder).map(Arc::new)
-            })?,
+            phone_model,
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
             pool: private_pool(options.threads)?,

@@ -338,11 +338,11 @@ fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
         .read_to_end(&mut planes)?;
     let (even, odd) = planes.split_at(planes.len().div_ceil(2));
     let mut bytes = vec![0; planes.len()];
-    for (pair, low) in bytes.chunks_mut(2).zip(even) {
-        pair[0] = *low;
+    for ((pair, low), high) in bytes.chunks_exact_mut(2).zip(even).zip(odd) {
+        pair.copy_from_slice(&[*low, *high]);
     }
-    for (pair, high) in bytes.chunks_exact_mut(2).zip(odd) {
-        pair[1] = *high;
+    if even.len() > odd.len() {
+        bytes[2 * odd.len()] = even[odd.len()];
     }
     Ok(bytes)
 }

@@ -2,7 +2,8 @@
 
 use std::{path::Path, sync::Arc};
 
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, ArrayView2};
+use rayon::prelude::*;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use std::collections::HashMap;
 
@@ -13,33 +14,96 @@ use crate::{
 
 /// Largest magnitude of a weight in a file.
 const LARGEST: f32 = 1e6;
+/// Columns of 8-bit numbers that one thread widens at once.
+const COLUMNS_AT_ONCE: usize = 64;
 
-/// One array: shape and values in row-major order.
+/// One array: its shape, and its values as they lie in the file.
 #[derive(Debug, Clone, PartialEq)]
 struct Array {
     shape: Vec<usize>,
-    values: Vec<f32>,
+    numbers: Numbers,
+}
+
+/// The values of an array.
+#[derive(Debug, Clone, PartialEq)]
+enum Numbers {
+    /// In row-major order.
+    Floats(Vec<f32>),
+    /// 8-bit numbers column after column: the first axis is the last one here. A row is one place on
+    /// the first axis, and `scales` has a factor for each row.
+    EightBits { steps: Vec<i8>, scales: Vec<f32> },
 }
 
 impl Array {
     fn check_range(&self, name: &str) -> Result<()> {
-        let is_weight = |x: &&f32| x.abs() <= LARGEST;
-        match self.values.iter().find(|x| !is_weight(x)) {
+        let is_weight = |x: &f32| x.abs() <= LARGEST;
+        let found = match &self.numbers {
+            Numbers::Floats(values) => values.iter().copied().find(|x| !is_weight(x)),
+            Numbers::EightBits { scales, .. } => {
+                let largest = scales.iter().map(|scale| f32::from(i8::MIN) * scale);
+                largest.into_iter().find(|x| !is_weight(x))
+            }
+        };
+        match found {
             Some(value) => Err(Error::Weights(format!(
                 "{name}: expected numbers within ±{LARGEST}, got {value}"
             ))),
             None => Ok(()),
         }
     }
+
+    /// Values in row-major order.
+    fn row_major(&self) -> Vec<f32> {
+        match &self.numbers {
+            Numbers::Floats(values) => values.clone(),
+            Numbers::EightBits { steps, scales } => {
+                let row = |(row, scale)| {
+                    let column_after_column = steps.iter().skip(row).step_by(scales.len());
+                    column_after_column.map(move |x| f32::from(*x) * scale)
+                };
+                scales.iter().enumerate().flat_map(row).collect()
+            }
+        }
+    }
+
+    /// Values with the first axis last.
+    fn first_axis_last(&self) -> Vec<f32> {
+        let rows = self.shape[0];
+        match &self.numbers {
+            Numbers::Floats(values) => {
+                let columns = values.len() / rows.max(1);
+                let matrix = ArrayView2::from_shape((rows, columns), values);
+                let matrix = matrix.expect("the shape is that of the values");
+                matrix
+                    .t()
+                    .as_standard_layout()
+                    .into_owned()
+                    .into_raw_vec_and_offset()
+                    .0
+            }
+            Numbers::EightBits { steps, scales } => {
+                let mut values = vec![0.0; steps.len()];
+                let columns = values.par_chunks_mut(rows).zip(steps.par_chunks(rows));
+                columns
+                    .with_min_len(COLUMNS_AT_ONCE)
+                    .for_each(|(column, steps)| {
+                        for ((value, step), scale) in column.iter_mut().zip(steps).zip(scales) {
+                            *value = f32::from(*step) * scale;
+                        }
+                    });
+                values
+            }
+        }
+    }
 }
 
 /// The arrays of a weights file under a name prefix; cheap to clone.
 ///
-/// Half precision and 8-bit numbers are widened to `f32` when they are read: they save space in
-/// storage but cost time on a CPU. Each 8-bit number is multiplied by the scale of its row.
-/// `NAME.scale` holds the scales of the array `NAME`. An 8-bit array lies column after column in
-/// the file: its first axis is the last one there. Unsigned 16-bit numbers are zigzag codes of
-/// whole numbers.
+/// Half precision and 8-bit numbers save space in storage but cost time on a CPU. Half precision is
+/// widened to `f32` when the file is read, an 8-bit array when a layer takes it. Each 8-bit number is
+/// multiplied by the scale of its row. `NAME.scale` holds the scales of the array `NAME`. An 8-bit
+/// array lies column after column in the file: its first axis is the last one there. Unsigned
+/// 16-bit numbers are zigzag codes of whole numbers.
 ///
 /// ```
 /// # use anyface::models::Weights;
@@ -77,7 +141,7 @@ impl Weights {
                 Dtype::U16 => Some(whole_numbers(&view)),
                 _ => floats(&view).map(|values| Array {
                     shape: view.shape().to_vec(),
-                    values,
+                    numbers: Numbers::Floats(values),
                 }),
             };
             if let Some(array) = array {
@@ -92,7 +156,11 @@ impl Weights {
     pub(crate) fn from_arrays(
         arrays: impl IntoIterator<Item = (String, (Vec<usize>, Vec<f32>))>,
     ) -> Self {
-        let named = |(name, (shape, values))| (name, Array { shape, values });
+        let array = |(shape, values)| Array {
+            shape,
+            numbers: Numbers::Floats(values),
+        };
+        let named = |(name, both)| (name, array(both));
         Self::of(arrays.into_iter().map(named).collect())
     }
 
@@ -151,6 +219,19 @@ impl Weights {
     /// `Weights` if it is missing, has another shape, or holds a number that cannot be a weight:
     /// NaN, infinity, or one beyond ±1,000,000.
     pub fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+        Ok(self.array(name, shape)?.row_major())
+    }
+
+    /// The values of [`Weights::values`] with the first axis last: a matrix is transposed. 8-bit
+    /// numbers lie so in the file, which saves most of the time to load a large layer.
+    ///
+    /// # Errors
+    /// Those of [`Weights::values`].
+    pub fn first_axis_last(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+        Ok(self.array(name, shape)?.first_axis_last())
+    }
+
+    fn array(&self, name: &str, shape: &[usize]) -> Result<&Array> {
         let full = self.full_name(name);
         let array = self.arrays.get(&full).ok_or_else(|| {
             Error::Weights(format!("{full}: expected {shape:?}, got no such array"))
@@ -162,7 +243,7 @@ impl Weights {
             )));
         }
         array.check_range(&full)?;
-        Ok(array.values.clone())
+        Ok(array)
     }
 
     /// A vector of `length` values.
@@ -196,16 +277,15 @@ impl Weights {
 fn whole_numbers(view: &TensorView<'_>) -> Array {
     let codes = view.data().chunks_exact(2);
     let codes = codes.map(|bytes| i32::from(u16::from_le_bytes([bytes[0], bytes[1]])));
+    let numbers = codes.map(|code| ((code >> 1) ^ -(code & 1)) as f32);
     Array {
         shape: view.shape().to_vec(),
-        values: codes
-            .map(|code| ((code >> 1) ^ -(code & 1)) as f32)
-            .collect(),
+        numbers: Numbers::Floats(numbers.collect()),
     }
 }
 
-/// Multiplies an array of 8-bit numbers by its scales and makes its last axis the first one again.
-/// `quantised` in training/nn/checkpoint.py is the inverse.
+/// An array of 8-bit numbers with its scales. Its last axis is the first one of the array for which
+/// it stands. `quantised` in training/nn/checkpoint.py is the inverse.
 fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<Array> {
     let expected = |what: String| Error::Weights(format!("{name}.scale: expected {what}"));
     let scales = file
@@ -223,13 +303,12 @@ fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<A
             "one for each of the last axis of {name}, which has the shape {shape:?}, got {rows}"
         )));
     }
-    let row = |(row, scale)| {
-        let column_after_column = view.data().iter().skip(row).step_by(rows);
-        column_after_column.map(move |x| f32::from(x.cast_signed()) * scale)
-    };
-    let values = scales.into_iter().enumerate().flat_map(row).collect();
     shape.rotate_right(1);
-    Ok(Array { shape, values })
+    let steps = view.data().iter().map(|x| x.cast_signed()).collect();
+    Ok(Array {
+        shape,
+        numbers: Numbers::EightBits { steps, scales },
+    })
 }
 
 /// Widens the numbers of an array to `f32`; `None` for a type that holds no weights by itself.
@@ -320,6 +399,12 @@ mod tests {
             let got = got.unwrap();
             assert_eq!(got, golden.values(&floats), "{name}");
             assert!(got.iter().any(|x| *x != 0.0));
+            let shape = golden.shape(&floats);
+            let turned = golden.weights().first_axis_last(name, &shape).unwrap();
+            let (rows, columns) = (shape[0], got.len() / shape[0]);
+            for (index, value) in turned.iter().enumerate() {
+                assert_eq!(*value, got[index % rows * columns + index / rows], "{name}");
+            }
         }
     }
 

@@ -58,6 +58,19 @@ impl SelfAttention {
         )
     }
 
+    /// Reads `query_key_value` `[3 C, C]` and `mix`, as training/speech/whisper.py names them.
+    ///
+    /// # Errors
+    /// Those of [`SelfAttention::load`].
+    pub fn load_joint(weights: &Weights, channels: usize, heads: usize) -> Result<Self> {
+        check_heads(channels, heads)?;
+        Ok(SelfAttention {
+            heads,
+            in_proj: Linear::load(&weights.pp("query_key_value"), channels, 3 * channels)?,
+            out_proj: Linear::load(&weights.pp("mix"), channels, channels)?,
+        })
+    }
+
     /// `names`: the name of each part and whether it has a bias.
     fn load_parts(
         weights: &Weights,

@@ -1,7 +1,7 @@
 //! One-dimensional convolution over time as a sum of matrix products, one per tap.
 
 use faer::MatRef;
-use ndarray::{Array1, Array2, ArrayRef2, s};
+use ndarray::{Array1, Array2, ArrayRef2, ArrayView1, s};
 
 use super::{elementwise::add_to_rows, matrix};
 use crate::{Result, models::Weights};
@@ -25,12 +25,31 @@ impl Conv1d {
     /// # Errors
     /// `Weights` if one is missing or has another shape.
     pub fn load(weights: &Weights, shape: [usize; 3], stride: usize, bias: bool) -> Result<Self> {
-        let values = weights.values("weight", &shape)?;
+        let values = weights.first_axis_last("weight", &shape)?;
         let bias = match bias {
             true => weights.vector("bias", shape[0])?,
             false => Array1::zeros(shape[0]),
         };
-        Ok(Self::from_parts(&values, shape, bias, stride))
+        Ok(Self::of_columns(&values, shape, bias, stride))
+    }
+
+    /// From a weight `[in, taps, out]` in row-major order and a bias `[out]`.
+    fn of_columns(weight: &[f32], shape: [usize; 3], bias: Array1<f32>, stride: usize) -> Self {
+        let [outputs, inputs, taps] = shape;
+        let mut stacked = Array2::zeros((taps * inputs, outputs));
+        for (index, mut row) in stacked.outer_iter_mut().enumerate() {
+            let (tap, input) = (index / inputs, index % inputs);
+            let from = &weight[(input * taps + tap) * outputs..][..outputs];
+            row.assign(&ArrayView1::from(from));
+        }
+        Conv1d {
+            weight: stacked,
+            bias,
+            inputs,
+            stride,
+            dilation: 1,
+            padding: 0,
+        }
     }
 
     /// From a weight `[out, in, taps]` in row-major order and a bias `[out]`.
@@ -43,17 +62,11 @@ impl Conv1d {
             (weight.len(), bias.len()),
             (outputs * inputs * taps, outputs)
         );
-        let weight = Array2::from_shape_fn((taps * inputs, outputs), |(row, out)| {
-            weight[(out * inputs + row % inputs) * taps + row / inputs]
-        });
-        Conv1d {
-            weight,
-            bias,
-            inputs,
-            stride,
-            dilation: 1,
-            padding: 0,
-        }
+        let columns = (0..inputs * taps)
+            .flat_map(|column| weight[column..].iter().step_by(inputs * taps))
+            .copied();
+        let columns: Vec<f32> = columns.collect();
+        Self::of_columns(&columns, shape, bias, stride)
     }
 
     /// This layer with taps `dilation` rows apart; `dilation` is at least 1.

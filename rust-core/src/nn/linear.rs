@@ -24,9 +24,12 @@ impl Linear {
     /// # Errors
     /// `Weights` if one is missing or has another shape.
     pub fn load(weights: &Weights, inputs: usize, outputs: usize) -> Result<Self> {
-        let weight = weights.matrix("weight", outputs, inputs)?;
-        let bias = weights.vector("bias", outputs)?;
-        Ok(Self::from_parts(&weight, bias))
+        let weight = weights.first_axis_last("weight", &[outputs, inputs])?;
+        let weight = Array2::from_shape_vec((inputs, outputs), weight);
+        Ok(Linear {
+            weight: weight.expect("the shape was checked"),
+            bias: weights.vector("bias", outputs)?,
+        })
     }
 
     /// From a weight `[out, in]` and a bias `[out]`.

@@ -10,6 +10,8 @@ use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, Slice};
 use super::{
     COMPACT_MODEL, FeatureTrack, SpeechEncoder,
     log_mel::{BANDS, log_mel},
+    quantile::quantile,
+    residual_block::{EPSILON, ResidualBlock, residual_blocks, same_length},
 };
 use crate::{
     Error, Result,
@@ -33,8 +35,6 @@ pub(crate) const SCALE: f32 = 4.0;
 const STRIDE: usize = 4;
 /// Output frames of a span, without its context.
 const SPAN: usize = 1024;
-/// Epsilon of PyTorch's norms.
-const EPSILON: f32 = 1e-5;
 
 /// Sizes of the encoder, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
@@ -84,11 +84,7 @@ impl CompactEncoder {
     /// From weights, for any number of bands.
     pub(super) fn of_weights(config: CompactConfig, weights: &Weights) -> Result<Self> {
         let channels = config.channels;
-        let blocks = |name: &str, dilations: &[usize]| -> Result<Vec<_>> {
-            let weights = weights.pp(name);
-            let block = |(i, d): (usize, &usize)| ResidualBlock::load(&weights.pp(i), channels, *d);
-            dilations.iter().enumerate().map(block).collect()
-        };
+        let blocks = |name, dilations| residual_blocks(&weights.pp(name), channels, dilations);
         Ok(CompactEncoder {
             stem: same_length(&weights.pp("stem"), [channels, config.bands, 5], 2, 1)?,
             fine: blocks("fine", &config.fine_dilations)?,
@@ -209,50 +205,6 @@ pub fn normalise(mut mel: Array2<f32>) -> Array2<f32> {
         row.zip_mut_with(&colour, |x, c| *x = (*x - c - raise).max(DEEPEST) / SCALE);
     }
     mel
-}
-
-/// Linear interpolation between order statistics, as torch and numpy do by default.
-fn quantile(values: &[f32], q: f64) -> f32 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let position = q * (sorted.len() - 1) as f64;
-    let below = position.floor() as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    let share = (position - below as f64) as f32;
-    sorted[below] + (sorted[above] - sorted[below]) * share
-}
-
-/// x + mix(GELU(conv(norm(x)))) on `[T, C]`; `conv` has 3 taps `dilation` apart.
-struct ResidualBlock {
-    norm: LayerNorm,
-    conv: Conv1d,
-    mix: Linear,
-}
-
-impl ResidualBlock {
-    fn load(weights: &Weights, channels: usize, dilation: usize) -> Result<Self> {
-        Ok(ResidualBlock {
-            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
-            conv: same_length(&weights.pp("conv"), [channels, channels, 3], 1, dilation)?,
-            mix: Linear::load(&weights.pp("mix"), channels, channels)?,
-        })
-    }
-
-    fn forward_in_place(&self, x: &mut Array2<f32>) {
-        let y = self.conv.forward_then(&self.norm.forward(x), gelu_all);
-        *x += &self.mix.forward(&y);
-    }
-}
-
-/// A convolution with `shape` `[out, in, taps]` that yields `⌈T / stride⌉` rows.
-fn same_length(
-    weights: &Weights,
-    shape: [usize; 3],
-    stride: usize,
-    dilation: usize,
-) -> Result<Conv1d> {
-    let conv = Conv1d::load(weights, shape, stride, true)?;
-    Ok(conv.dilated(dilation).padded(dilation * (shape[2] / 2)))
 }
 
 #[cfg(test)]

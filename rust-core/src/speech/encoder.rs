@@ -19,7 +19,7 @@ pub struct FeatureTrack {
 /// Which speech features a model was trained with; a part of its `config.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpeechInput {
-    /// Name of the encoder: "compact_speech", "hubert", "wav2vec2" or "whisper".
+    /// Name of the encoder: "ear", "compact_speech", "hubert", "wav2vec2" or "whisper".
     pub encoder: String,
     /// Channels `C` of its features.
     pub channels: usize,
@@ -53,6 +53,12 @@ pub trait SpeechEncoder: Send + Sync {
 
 /// Built-in weights of [`super::CompactEncoder`].
 pub static COMPACT_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_SPEECH);
+
+/// Built-in weights of the trained part of [`super::Ear`].
+pub static EAR_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EAR);
+
+/// Built-in weights of Whisper's first layers, on which [`super::Ear`] stands.
+pub static TRUNK_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_ear::WHISPER_TRUNK);
 
 /// The number of motion frames of a sound: one for every started `1 / fps` seconds, at least one.
 pub fn frames_of(duration_s: f64, fps: f64) -> usize {

@@ -24,7 +24,7 @@ const ENCODED: f32 = 0.7;
 /// use std::sync::Arc;
 /// use anyface::{audio::Waveform, speech::{self, Heard, SpeechEncoder}};
 ///
-/// let encoder: Arc<dyn SpeechEncoder> = Arc::new(speech::compact(None)?);
+/// let encoder: Arc<dyn SpeechEncoder> = Arc::new(speech::ear(None)?);
 /// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };
 /// let heard = Heard::of(&sound, &encoder, anyface::job::SILENT)?;
 /// assert_eq!(heard.features(30.0).dim(), (heard.frames(30.0), encoder.channels()));

@@ -1,4 +1,4 @@
-//! Speech features: one trait and four encoders (compact, HuBERT, wav2vec2, Whisper). Also finds
+//! Speech features: one trait and five encoders (ear, compact, HuBERT, wav2vec2, Whisper). Also finds
 //! phones and words from these features.
 
 mod alignment;
@@ -7,6 +7,7 @@ mod closures;
 mod compact;
 mod contacts;
 mod conv_features;
+mod ear;
 mod emotion_ear;
 mod emotion_encoder;
 mod emotion_listener;
@@ -18,7 +19,9 @@ pub mod hubert;
 mod letters;
 mod log_mel;
 mod phones;
+mod quantile;
 mod resample;
+mod residual_block;
 mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
@@ -27,6 +30,7 @@ mod voice_gate;
 pub mod wav2vec2;
 pub mod whisper;
 mod whisper_mel;
+mod whisper_trunk;
 
 pub(crate) use causal::seconds_of;
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
@@ -35,6 +39,7 @@ pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
+pub use ear::{Ear, EarConfig};
 pub use emotion_ear::{
     EMOTION_EAR, EMOTION_OF_WHISPER, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar,
     NeutralVoice, WhisperEar,
@@ -44,10 +49,12 @@ pub use emotion_encoder::{
 };
 pub use emotion_listener::EmotionListener;
 pub use emotion_model::EmotionModel;
-pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
+pub use encoder::{
+    COMPACT_MODEL, EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of,
+};
 pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
-pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
+pub use phones::{COMPACT_PHONE_MODEL, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
 pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
@@ -70,23 +77,34 @@ pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
     CompactEncoder::load(&files.weights, &files.config)
 }
 
-/// Opens the encoder that `required` names, or the compact one. It is read from `checkpoint`, a
-/// Hugging Face folder, if that is given, otherwise from the folder of that name in `models`. The
-/// compact encoder is also built in.
+/// The ear with its built-in weights, or those of `folder`: `whisper_trunk` and `ear`.
 ///
 /// # Errors
-/// Those of [`compact`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
+/// Those of `BuiltIn::open` and [`Ear::load`].
+pub fn ear(folder: Option<&Path>) -> Result<Ear> {
+    // Most of the time goes into gzip, on one thread for each of the two files.
+    let (trunk, body) = rayon::join(|| TRUNK_MODEL.open(folder), || EAR_MODEL.open(folder));
+    Ear::load(&trunk?, &body?)
+}
+
+/// Opens the encoder that `required` names, or the ear. It is read from `checkpoint`, a
+/// Hugging Face folder, if that is given, otherwise from the folder of that name in `models`. The
+/// compact encoder and the ear are also built in.
+///
+/// # Errors
+/// Those of [`compact`], [`ear()`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
 /// the required one or gives another number of channels, or if there is none.
 pub fn open(
     required: Option<&SpeechInput>,
     checkpoint: Option<&Path>,
     models: Option<&Path>,
 ) -> Result<Box<dyn SpeechEncoder>> {
-    let name = required.map_or(COMPACT_MODEL.name, |input| &input.encoder);
+    let name = required.map_or(EAR_MODEL.name, |input| &input.encoder);
     let fps = transformer_fps(required)?;
     let encoder = match (checkpoint, models) {
         (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
         (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
+        (None, _) if name == EAR_MODEL.name => Box::new(ear(models)?),
         (None, Some(models)) if models.join(name).is_dir() => {
             from_folder(&models.join(name), None, fps)?
         }

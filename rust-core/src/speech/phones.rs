@@ -1,6 +1,6 @@
 //! Recognises phones over time, and finds the words of a text in the sound.
 //!
-//! Twin of `training/speech/phones.py`. The model reads the compact encoder's features and gives
+//! Twin of `training/speech/phones.py`. The model reads the features of one encoder and gives
 //! four rows of posteriors for each of its frames. Row `r` belongs to second `(r − 2) / 100`. The
 //! model is loaded to find phones or words, and by systems that take lip contacts from it.
 
@@ -31,14 +31,18 @@ const CHANGE_COST: f64 = 4.0;
 /// Weight of the text's evidence for phones. The sound's evidence has weight 1.
 const TEXT_POWER: f32 = 1.0;
 
-/// Built-in weights of [`PhoneModel`].
+/// Built-in weights of [`PhoneModel`] for the ear's features.
 pub static PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::PHONES);
+/// The same for features of the compact encoder.
+pub static COMPACT_PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_PHONES);
 
 /// Sizes of the read-out, its classes and the units of its table, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct PhoneConfig {
     /// Name of the model.
     pub model: String,
+    /// Name of the encoder whose features the model reads.
+    pub encoder: String,
     /// Channels `C` of the features that the model reads.
     pub channels: usize,
     /// Channels between its two layers.
@@ -104,13 +108,22 @@ pub struct Said {
 }
 
 impl PhoneModel {
-    /// The built-in model, or that of the folder `phones` in `folder`.
+    /// The model for the features of `encoder`: built in, or that of the folder in `folder`.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`] and [`PhoneModel::load`].
-    pub fn open(folder: Option<&Path>) -> Result<Self> {
-        let files = PHONE_MODEL.open(folder)?;
+    pub fn open(folder: Option<&Path>, encoder: &str) -> Result<Self> {
+        let files = PhoneModel::built_in(encoder).open(folder)?;
         PhoneModel::load(&files.weights, &files.config)
+    }
+
+    /// The built-in weights for the features of `encoder`. Encoders for which there are none get
+    /// those of the ear, which then refuse their features.
+    pub(crate) fn built_in(encoder: &str) -> &'static BuiltIn {
+        match encoder == COMPACT_MODEL.name {
+            true => &COMPACT_PHONE_MODEL,
+            false => &PHONE_MODEL,
+        }
     }
 
     /// From the bytes of `model.safetensors` and the text of `config.json`.
@@ -244,11 +257,11 @@ impl PhoneModel {
 
     fn check(&self, track: &FeatureTrack, encoder: &str) -> Result<()> {
         let channels = track.features.ncols();
-        match (encoder, channels) == (COMPACT_MODEL.name, self.config.channels) {
+        match (encoder, channels) == (&self.config.encoder, self.config.channels) {
             true => Ok(()),
             false => Err(Error::Weights(format!(
                 "phones: expected {} features of {}, got {channels} of {}",
-                self.config.channels, COMPACT_MODEL.name, encoder
+                self.config.channels, self.config.encoder, encoder
             ))),
         }
     }

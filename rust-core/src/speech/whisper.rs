@@ -1,44 +1,32 @@
 //! Whisper's encoder (Radford et al. 2022) from a user's Hugging Face folder.
 //!
-//! Twin of `training/speech/whisper.py`. Unlike Whisper's own programs, it does not pad sounds to
-//! 30 s. So the features do not depend on silence after the sound, and a short sound costs little.
+//! Reads the folder; `whisper_trunk.rs` computes.
 
 use std::path::Path;
 
-use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice, s};
+use ndarray::{Array1, Array2, s};
 use serde::Deserialize;
 
 use super::{
     FeatureTrack, SpeechEncoder,
     whisper_mel::{BANDS, whisper_mel},
+    whisper_trunk::{EPSILON, PLACES, RATE_HZ, TrunkSizes, WhisperTrunk, features_of},
 };
 use crate::{
     Error, Result,
     audio::Waveform,
-    job::{InputKind, ProgressFn, read_text, report},
+    job::{InputKind, ProgressFn, read_text},
     models::{
         Weights,
         checkpoint::{self, check_sizes},
     },
-    nn::{
-        attention::SelfAttention, conv::Conv1d, elementwise::gelu_all, linear::Linear,
-        norm::LayerNorm,
-    },
+    nn::norm::LayerNorm,
 };
 
-/// Features a second.
-pub(super) const RATE_HZ: f64 = 50.0;
-/// Features that are computed together: 12 s.
-const SPAN: usize = 600;
-/// Features of context on either side of a span: 1.5 s.
-const CONTEXT: usize = 75;
-/// Frames of log-mel per feature.
-const STRIDE: usize = 2;
-const EPSILON: f32 = 1e-5;
 /// Copies of one checkpoint's bias differ by less than this, even if one of them is in f16.
 const BIAS_TOLERANCE: f32 = 1e-3;
 /// The first feature needs at least this many samples.
-const LEAST_SAMPLES: usize = 400;
+pub(super) const LEAST_SAMPLES: usize = 400;
 
 /// The part of a Hugging Face `config.json` that the encoder needs.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -72,10 +60,10 @@ impl Config {
             let got = self.num_mel_bins;
             return Err(format!("num_mel_bins: expected {BANDS}, got {got}"));
         }
-        let (least, got) = (SPAN + 2 * CONTEXT, self.max_source_positions);
-        if got < least {
+        let got = self.max_source_positions;
+        if got < PLACES {
             return Err(format!(
-                "max_source_positions: expected {least} or more, got {got}"
+                "max_source_positions: expected {PLACES} or more, got {got}"
             ));
         }
         check_sizes(&[
@@ -88,13 +76,9 @@ impl Config {
     }
 }
 
-/// Two convolutions, position embeddings and transformer layers.
+/// The whole encoder: convolutions, positions, transformer layers, and a norm after the last.
 pub struct Whisper {
-    first: Conv1d,
-    second: Conv1d,
-    /// `[max_source_positions, C]`
-    places: Array2<f32>,
-    layers: Vec<Layer>,
+    trunk: WhisperTrunk,
     norm: LayerNorm,
     /// Number of layers that run. The norm only follows the last layer of the whole model.
     depth: usize,
@@ -135,58 +119,31 @@ impl Whisper {
             true => weights.pp("encoder"),
             false => weights.pp("model.encoder"),
         };
-        let width = config.d_model;
-        let conv = |name: &str, inputs, stride| {
-            let conv = Conv1d::load(&weights.pp(name), [width, inputs, 3], stride, true)?;
-            Ok::<_, Error>(conv.padded(1))
+        let sizes = TrunkSizes {
+            width: config.d_model,
+            heads: config.encoder_attention_heads,
+            feedforward: config.encoder_ffn_dim,
+            layers: config.encoder_layers,
         };
         Ok(Whisper {
-            first: conv("conv1", BANDS, 1)?,
-            second: conv("conv2", width, STRIDE)?,
-            places: weights.matrix("embed_positions.weight", config.max_source_positions, width)?,
-            layers: (0..config.encoder_layers)
-                .map(|i| Layer::load(&weights.pp("layers").pp(i), &config))
-                .collect::<Result<_>>()?,
-            norm: LayerNorm::load(&weights.pp("layer_norm"), width, EPSILON)?,
-            depth: layer.unwrap_or(config.encoder_layers),
+            trunk: WhisperTrunk::of_checkpoint(&weights, sizes, config.max_source_positions)?,
+            norm: LayerNorm::load(&weights.pp("layer_norm"), sizes.width, EPSILON)?,
+            depth: layer.unwrap_or(sizes.layers),
         })
     }
 
     /// Number of layers of the model.
     pub(super) fn layers(&self) -> usize {
-        self.layers.len()
+        self.trunk.layers()
     }
 
     /// Whether the weights belong to a checkpoint whose first convolution has this bias, `[C]`.
     pub(super) fn has_first_bias(&self, bias: &Array1<f32>) -> bool {
-        let first_bias = self.first.bias();
+        let first_bias = self.trunk.first_bias();
         first_bias.len() == bias.len()
             && (first_bias - bias)
                 .iter()
                 .all(|apart| apart.abs() < BIAS_TOLERANCE)
-    }
-
-    /// The outputs of `layers`, in their order, for log-mel `[T, 80]` at 100 Hz. Runs in one piece.
-    /// Each output is `[⌈T / 2⌉, C]`.
-    ///
-    /// `layers` must exist and ascend. Layers above the highest of them are not computed.
-    fn run(&self, mel: &ArrayRef2<f32>, layers: &[usize]) -> Vec<Array2<f32>> {
-        let x = self.first.forward_then(mel, gelu_all);
-        let mut x = self.second.forward_then(&x, gelu_all);
-        x += &self.places.slice(s![..x.nrows(), ..]);
-        let (mut depth, mut outputs) = (0, Vec::with_capacity(layers.len()));
-        for &layer in layers {
-            for next in &self.layers[depth..layer] {
-                x = next.forward(x);
-            }
-            depth = layer;
-            let mut output = x.clone();
-            if layer == self.layers.len() {
-                self.norm.forward_in_place(&mut output);
-            }
-            outputs.push(output);
-        }
-        outputs
     }
 
     /// The outputs of `layers`, ascending, for a sound, `[T, C]` each at 50 Hz. Computes them in
@@ -207,24 +164,17 @@ impl Whisper {
             )));
         }
         let mel = whisper_mel(&waveform.samples);
-        let total = mel.nrows().div_ceil(STRIDE);
+        let total = features_of(mel.nrows());
         let mut features = vec![Array2::zeros((total, self.channels())); layers.len()];
-        let mut start = 0;
-        while start < total {
-            report(progress, "speech", start as f32 / total as f32)?;
-            let end = match total - start < SPAN + CONTEXT {
-                true => total,
-                false => start + SPAN,
-            };
-            let first = start.saturating_sub(CONTEXT);
-            let last = (end + CONTEXT).min(total);
-            let window = Slice::from(STRIDE * first..(STRIDE * last).min(mel.nrows()));
-            let heard = self.run(&mel.slice_axis(Axis(0), window), layers);
-            for (to, from) in features.iter_mut().zip(heard) {
-                to.slice_mut(s![start..end, ..])
-                    .assign(&from.slice(s![start - first..end - first, ..]));
+        self.trunk.hear(&mel, layers, progress, |rows, outputs| {
+            for (to, from) in features.iter_mut().zip(outputs) {
+                to.slice_mut(s![rows.clone(), ..]).assign(&from);
             }
-            start = end;
+        })?;
+        for (layer, output) in layers.iter().zip(&mut features) {
+            if *layer == self.layers() {
+                self.norm.forward_in_place(output);
+            }
         }
         Ok(features)
     }
@@ -236,7 +186,7 @@ impl SpeechEncoder for Whisper {
     }
 
     fn channels(&self) -> usize {
-        self.places.ncols()
+        self.trunk.channels()
     }
 
     fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
@@ -246,39 +196,6 @@ impl SpeechEncoder for Whisper {
             rate_hz: RATE_HZ,
             first_s: 0.0,
         })
-    }
-}
-
-/// Attention and feed-forward, each after a norm.
-struct Layer {
-    attention_norm: LayerNorm,
-    attention: SelfAttention,
-    feed_norm: LayerNorm,
-    wide: Linear,
-    narrow: Linear,
-}
-
-impl Layer {
-    fn load(weights: &Weights, config: &Config) -> Result<Self> {
-        let (width, inner) = (config.d_model, config.encoder_ffn_dim);
-        let (attention, heads) = (weights.pp("self_attn"), config.encoder_attention_heads);
-        let norm = |name| LayerNorm::load(&weights.pp(name), width, EPSILON);
-        Ok(Layer {
-            attention_norm: norm("self_attn_layer_norm")?,
-            attention: SelfAttention::load_without_key_bias(&attention, width, heads)?,
-            feed_norm: norm("final_layer_norm")?,
-            wide: Linear::load(&weights.pp("fc1"), width, inner)?,
-            narrow: Linear::load(&weights.pp("fc2"), inner, width)?,
-        })
-    }
-
-    fn forward(&self, mut x: Array2<f32>) -> Array2<f32> {
-        x += &self.attention.forward(&self.attention_norm.forward(&x));
-        let inner = self
-            .wide
-            .forward_then(&self.feed_norm.forward(&x), gelu_all);
-        x += &self.narrow.forward(&inner);
-        x
     }
 }
 
@@ -320,7 +237,9 @@ mod tests {
         let model = encoder(&golden, None);
         let second = heard(&golden).samples;
         let samples: Vec<f32> = second.iter().copied().cycle().take(16_000 * 14).collect();
-        let whole = model.run(&whisper_mel(&samples), &[model.depth]).remove(0);
+        let mel = whisper_mel(&samples);
+        let mut whole = model.trunk.run(&mel, &[model.depth]).remove(0);
+        model.norm.forward_in_place(&mut whole);
         let parts = model
             .encode(&Waveform { samples }, SILENT)
             .unwrap()

@@ -1,12 +1,13 @@
-//! The log-mel spectrogram of Whisper. Twin of `whisper_mel` in `training/speech/whisper.py`.
+//! The log-mel spectrogram of Whisper. Twin of `decades` and `whisper_mel` in
+//! `training/speech/whisper.py`.
 
 use std::f64::consts::TAU;
 
 use ndarray::Array2;
 use realfft::RealFftPlanner;
 
-use super::{FRAME, HOP};
-use crate::audio::SAMPLE_RATE_HZ;
+use super::log_mel::{FRAME, HOP};
+use crate::{audio::SAMPLE_RATE_HZ, nn::matrix};
 
 /// Number of bands of all models except the latest large one, which has 128.
 pub(super) const BANDS: usize = 80;
@@ -19,35 +20,62 @@ const RANGE: f32 = 8.0;
 const KNEE_HZ: f64 = 1000.0;
 const KNEE_MEL: f64 = 15.0;
 
-/// Decades of band power, scaled to about −1 to 1, at 100 frames a second. Frame `i` is centred on
-/// sample `160 i`.
+/// [`decades`] on Whisper's scale, about −1 to 1. Power more than [`RANGE`] decades below the loudest
+/// band of the sound is raised to that level.
+pub(super) fn whisper_mel(samples: &[f32]) -> Array2<f32> {
+    let mel = decades(samples);
+    let loudest = mel.fold(f32::NEG_INFINITY, |a, b| a.max(*b));
+    mel.mapv_into(|x| on_scale(x.max(loudest - RANGE)))
+}
+
+/// Decades of power → Whisper's scale.
+pub(super) fn on_scale(decades: f32) -> f32 {
+    (decades + 4.0) / 4.0
+}
+
+/// Decades of power in Whisper's bands, at 100 frames a second. Frame `i` is centred on sample
+/// `160 i`.
 ///
 /// Periodic Hann window of 400 samples, the sound mirrored beyond both ends; `|X|²`; triangles of
 /// equal area, evenly spaced on Slaney's scale from 0 to 8 kHz. `samples`: `[S]` at 16 kHz, more
 /// than 200. Returns `[S / 160, 80]`.
-pub(super) fn whisper_mel(samples: &[f32]) -> Array2<f32> {
+pub(super) fn decades(samples: &[f32]) -> Array2<f32> {
     let transform = RealFftPlanner::<f32>::new().plan_fft_forward(FRAME);
     let window: [f32; FRAME] =
         std::array::from_fn(|k| (0.5 - 0.5 * (TAU * k as f64 / FRAME as f64).cos()) as f32);
     let filters = filters();
-    let mut framed = transform.make_input_vec();
-    let mut spectrum = transform.make_output_vec();
-    let mut mel = Array2::zeros((samples.len() / HOP, BANDS));
-    for (i, mut row) in mel.outer_iter_mut().enumerate() {
-        for (k, x) in framed.iter_mut().enumerate() {
-            *x = window[k] * mirrored(samples, (i * HOP + k) as isize - (FRAME / 2) as isize);
+    matrix::by_row_blocks(samples.len() / HOP, BANDS, |frames, out| {
+        let mut framed = transform.make_input_vec();
+        let mut spectrum = transform.make_output_vec();
+        let mut scratch = transform.make_scratch_vec();
+        for (frame, row) in frames.zip(out.chunks_exact_mut(BANDS)) {
+            cut_frame(samples, frame, &mut framed);
+            framed.iter_mut().zip(&window).for_each(|(x, w)| *x *= w);
+            transform
+                .process_with_scratch(&mut framed, &mut spectrum, &mut scratch)
+                .expect("buffers come from the transform itself");
+            for (band, filter) in row.iter_mut().zip(&filters) {
+                let bins = filter.weights.iter().zip(&spectrum[filter.first_bin..]);
+                let power: f32 = bins.map(|(w, x)| w * x.norm_sqr()).sum();
+                *band = power.max(FLOOR).log10();
+            }
         }
-        transform
-            .process(&mut framed, &mut spectrum)
-            .expect("buffers come from the transform itself");
-        for (band, weights) in row.iter_mut().zip(filters.outer_iter()) {
-            let bins = weights.iter().zip(&spectrum);
-            let power: f32 = bins.map(|(w, x)| w * x.norm_sqr()).sum();
-            *band = power.max(FLOOR).log10();
+    })
+}
+
+/// Copies the [`FRAME`] samples around frame number `frame`, with the sound mirrored beyond its
+/// ends.
+fn cut_frame(samples: &[f32], frame: usize, framed: &mut [f32]) {
+    let middle = frame * HOP;
+    let start = middle.checked_sub(FRAME / 2);
+    match start.and_then(|start| samples.get(start..start + FRAME)) {
+        Some(inside) => framed.copy_from_slice(inside),
+        None => {
+            for (k, x) in framed.iter_mut().enumerate() {
+                *x = mirrored(samples, (middle + k) as isize - (FRAME / 2) as isize);
+            }
         }
     }
-    let loudest = mel.fold(f32::NEG_INFINITY, |a, b| a.max(*b));
-    mel.mapv_into(|x| (x.max(loudest - RANGE) + 4.0) / 4.0)
 }
 
 /// The sample at `place`, which may lie beyond either end. There the sound is mirrored without
@@ -61,16 +89,31 @@ fn mirrored(samples: &[f32], place: isize) -> f32 {
     samples[inside as usize]
 }
 
-/// `[BANDS, FRAME / 2 + 1]`
-fn filters() -> Array2<f32> {
+/// A triangle of equal area: its non-zero weights, which begin at `first_bin`.
+struct Filter {
+    first_bin: usize,
+    weights: Vec<f32>,
+}
+
+/// One filter for each of [`BANDS`].
+fn filters() -> Vec<Filter> {
     let high = hertz_to_mel(HIGH_HZ);
     let edge = |i: usize| mel_to_hertz(high * i as f64 / (BANDS + 1) as f64);
-    Array2::from_shape_fn((BANDS, FRAME / 2 + 1), |(band, bin)| {
+    let filter = |band| {
         let (from, peak, to) = (edge(band), edge(band + 1), edge(band + 2));
-        let hertz = bin as f64 * f64::from(SAMPLE_RATE_HZ) / FRAME as f64;
-        let (rise, fall) = ((hertz - from) / (peak - from), (to - hertz) / (to - peak));
-        (rise.min(fall).max(0.0) * 2.0 / (to - from)) as f32
-    })
+        let weight = |bin: usize| {
+            let hertz = bin as f64 * f64::from(SAMPLE_RATE_HZ) / FRAME as f64;
+            let (rise, fall) = ((hertz - from) / (peak - from), (to - hertz) / (to - peak));
+            (rise.min(fall).max(0.0) * 2.0 / (to - from)) as f32
+        };
+        let bins = (0..=FRAME / 2).filter(|bin| weight(*bin) > 0.0);
+        let bins: Vec<usize> = bins.collect();
+        Filter {
+            first_bin: bins.first().copied().unwrap_or(0),
+            weights: bins.into_iter().map(weight).collect(),
+        }
+    };
+    (0..BANDS).map(filter).collect()
 }
 
 fn hertz_to_mel(hertz: f64) -> f64 {

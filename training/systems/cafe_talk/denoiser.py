@@ -66,7 +66,9 @@ class CafeTalkConfig(Config):
     sampling: Sampling = field(default_factory=Sampling)
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
     units: list[str] = field(default_factory=lambda: list(UNITS))
-    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
+    styles: list[str] = field(
+        default_factory=lambda: ["grid_s1", "grid_five", "facegood_zh", "taught", ANY_STYLE]
+    )
     default_style: str = ANY_STYLE
 
 

@@ -145,9 +145,6 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument(
-        "--voices", type=int, default=1, help="voices of each clip; as in a training, its bank is reused"
-    )
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--units", nargs="*", choices=UNITS, default=list(UNITS))
     parser.add_argument("--clips", type=int, default=8, help="held-out clips of each source")

@@ -9,6 +9,7 @@ from torch import Tensor
 from training import shipped
 from training.nn.checkpoint import read_model, restored
 from training.speech.compact import CompactConfig, CompactEncoder, load_encoder
+from training.speech.ear import EarBody, load_ear
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
 
 EMOTIONS = "emotions"
@@ -25,7 +26,7 @@ class Stored:
     config: CafeTalkConfig
     state: dict[str, Tensor]
     emotions: Tensor
-    encoder: CompactEncoder | None
+    encoder: CompactEncoder | EarBody | None
 
     @property
     def base(self) -> dict[str, Tensor]:
@@ -58,7 +59,8 @@ def _exported(folder: Path) -> Stored:
         raise ValueError(f"{folder}: expected a tensor {EMOTIONS!r}, got none")
     config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
     encoder = None
-    if config.speech.encoder == "compact_speech":
-        beside = folder.parent / config.speech.encoder
-        encoder = load_encoder(beside if beside.exists() else shipped(config.speech.encoder))
+    name = config.speech.encoder
+    if name in ("compact_speech", "ear"):
+        beside = folder.parent / name if (folder.parent / name).exists() else shipped(name)
+        encoder = load_ear(beside) if name == "ear" else load_encoder(beside)
     return Stored(config, state, emotions, encoder)

@@ -28,15 +28,14 @@ from training.losses import feature_concordance, feature_scores, lip_gap, motion
 from training.machine import Machine
 from training.nn.checkpoint import save
 from training.run import begin, descend, seeded, trainer_parser
-from training.speech.source import CompactSpeech, HubertSpeech
-from training.speech.train import SHARES
+from training.speech.source import EarSpeech, HubertSpeech
 from training.systems.cafe_talk.denoiser import ANY_STYLE, CONFIGS, CafeTalkConfig, Coarse, Denoiser
 from training.systems.cafe_talk.recipes import CAFE_TALK, Stages
 from training.systems.cafe_talk.sampling import Request, sample_weights
-from training.systems.cafe_talk.stored import ADAPTER
+from training.systems.cafe_talk.stored import ADAPTER, EMOTIONS
 from training.systems.cafe_talk.stored import load as load_stored
 from training.systems.freetalk import recipes
-from training.systems.freetalk.train import add_speech_flags, speech_source
+from training.systems.freetalk.train import SHARES, add_speech_flags, speech_source
 from training.text.emotions import SYNONYMS
 from training.text.words import Words
 
@@ -85,7 +84,7 @@ class Step:
 class CafeTalkTrainer:
     """Data, model and one optimisation step of either stage."""
 
-    def __init__(self, arguments, config: CafeTalkConfig, speech: CompactSpeech | HubertSpeech):
+    def __init__(self, arguments, config: CafeTalkConfig, speech: EarSpeech | HubertSpeech):
         self.config, self.speech = config, speech
         self.joint = arguments.one_stage
         self.fine = self.joint or arguments.base is not None
@@ -108,6 +107,9 @@ class CafeTalkTrainer:
         self._measure_scale()
         if arguments.base is not None:
             self._begin_at(arguments.base)
+        if arguments.init is not None:
+            saved = torch.load(arguments.init, map_location="cpu")["state"]
+            self.model.load_state_dict({k: v for k, v in saved.items() if k != EMOTIONS})
         if self.fine and not self.joint:
             self.model.requires_grad_(False)
             self.model.adapter.requires_grad_(True)
@@ -327,7 +329,7 @@ def batch_of(arguments, recipe: Stages, frames: int) -> int:
     return max(1, (arguments.tokens or TOKENS) // frames)
 
 
-def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
+def weights_source(arguments, config: CafeTalkConfig) -> EarSpeech | HubertSpeech:
     """The speech encoder, and all clips as ARKit weights. The cache keeps solved weights."""
     source = speech_source(arguments, config)
     if arguments.corpus:
@@ -366,6 +368,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
     )
+    parser.add_argument("--init", type=Path, help="cafe_talk.pt, or file of training.speech.fold")
     parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=12)

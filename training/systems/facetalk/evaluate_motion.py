@@ -18,13 +18,15 @@ import torch
 from torch import Tensor
 
 from training import shipped
+from training.corpus import ear
 from training.corpus.arkit import landmarks_of, of_folders
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.faces import CHANNELS, load_ict
 from training.corpus.poses import emotion_prototypes
 from training.losses import feature_scores, lip_gap
-from training.speech.compact import normalise
+from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
+from training.speech.fold import features_of
 from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
 from training.systems.facetalk.stored import load_folder, load_head, load_motion
 from training.systems.facetalk.train_motion import Codes, entries_of
@@ -86,16 +88,17 @@ def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Samplin
     return report
 
 
-def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
+def freetalk(arguments, clips: dict[str, list[Entry]]) -> dict[str, float]:
     """r and slope of FreeTalk's lip gap on landmarks, and r of its chin with jawOpen, by source."""
-    encoder, model = load_models(models)
+    encoder, model = load_models(arguments.models)
     style = model.config.styles.index(model.config.default_style)
+    heard = {(c.source, c.name): c for c in ear.recorded(arguments, list(ear.LAYERS))}
     report = {}
     for source, group in clips.items():
         spoken = []
         for e in group:
             with torch.no_grad():
-                speech = encoder(normalise(e.mels[0].float())[None])[0]
+                speech = features_of(encoder, heard[e.source, e.name])
             spoken.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
         truth = [landmarks_of(e.motion.float()) for e in group]
         scores = feature_scores(list(zip(spoken, truth, strict=True)))
@@ -237,7 +240,7 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
     arguments = parser.parse_args(line)
     torch.set_num_threads(1)
-    encoder = load_models(arguments.models)[0]
+    encoder = load_encoder(arguments.models / "compact_speech" if arguments.models else SHIPPED_ENCODER)
     head, motions = (load_head(arguments.head), {}) if arguments.head else load_folder(arguments.model)
     model = load_motion(arguments.motion) if arguments.motion else motions["motion"]
     by_landmarks = motions.get("landmark_motion")
@@ -254,7 +257,7 @@ def main(line: list[str] | None = None) -> None:
         for name, scores in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
             tell(name, scores)
     tell("loudness", loudness(clips))
-    tell("FreeTalk", freetalk(arguments.models, clips))
+    tell("FreeTalk", freetalk(arguments, clips))
     usual = model.config.sampling
     silent = torch.zeros_like(speaker.heard(first[0]))
     quiet = lip_gap(landmarks_of(speaker.says(silent, 0, replace(usual, guidance=0.0))))

@@ -29,7 +29,7 @@ ANY_STYLE = "any"
 class SpeechInput:
     """Which encoder feeds the model."""
 
-    encoder: str = "compact_speech"
+    encoder: str = "ear"
     channels: int = 192
 
 
@@ -70,7 +70,9 @@ class AtsConfig(Config):
     sampling: Sampling = field(default_factory=Sampling)
     emotions: list[str] = field(default_factory=lambda: list(EMOTIONS))
     emotion: str = "learned"
-    styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "taught", ANY_STYLE])
+    styles: list[str] = field(
+        default_factory=lambda: ["grid_s1", "grid_five", "facegood_zh", "taught", ANY_STYLE]
+    )
     default_style: str = ANY_STYLE
     closing_styles: list[str] = field(default_factory=lambda: ["taught", ANY_STYLE])
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from training.corpus import bank, spoken
+from training.corpus import bank, ear, spoken
 from training.corpus.bank import Entry
 from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
@@ -37,12 +37,12 @@ from training.losses import (
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import Run, begin, descend, seeded, trainer_parser
-from training.speech import ear
-from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
+from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
+from training.speech.ear import SHIPPED_EAR, load_ear
 from training.speech.hubert import HubertFeatures
-from training.speech.source import CompactSpeech, HubertSpeech
-from training.speech.train import HEARD_EVERY, SHARES
+from training.speech.source import CompactSpeech, EarSpeech, HubertSpeech
+from training.speech.train import HEARD_EVERY
 from training.systems.freetalk import recipes
 from training.systems.freetalk.ats import (
     ANY_STYLE,
@@ -63,6 +63,8 @@ UNSEEN_WEIGHT = 0.1
 NEUTRAL_GAP_M = 0.8e-3
 """Opening of the inner lips in metres in ICT's neutral face, from which motion is measured."""
 UNLABELLED_SHARE = 0.6
+SHARES = {"grid_s1": 0.3, "grid_five": 0.2, "facegood_zh": 0.25, "taught": 0.25}
+"""How often each source of motion is drawn."""
 
 
 @dataclass
@@ -86,7 +88,7 @@ class AtsTrainer:
         self,
         arguments,
         config: AtsConfig,
-        speech: CompactSpeech | HubertSpeech,
+        speech: CompactSpeech | EarSpeech | HubertSpeech,
         denoiser: type[AtsDenoiser] = AtsDenoiser,
     ):
         self.config, self.speech = config, speech
@@ -107,14 +109,6 @@ class AtsTrainer:
         self.machine.place(self.model, arguments.seed)
         self.speech.to(self.machine.device)
         self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
-
-    def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
-        """Parameter groups. At rate 0 the encoder stays unchanged."""
-        groups = [{"params": list(self.model.parameters()), "lr": rate}]
-        if encoder_rate > 0.0:
-            self.speech.encoder.requires_grad_(True)
-            groups.append({"params": list(self.speech.encoder.parameters()), "lr": encoder_rate})
-        return groups
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
@@ -182,7 +176,7 @@ def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
     if arguments.config != "compact":
         return []
     held_out = [e for e in entries if e.source == spoken.SOURCE and e.held_out]
-    return held_out[::HEARD_EVERY] + spoken.unseen(arguments.data)
+    return held_out[::HEARD_EVERY]
 
 
 @torch.no_grad()
@@ -214,7 +208,7 @@ def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> di
         gap = lip_gap(clip_motion(speech, model, entry, style, sampling))
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
-    return {f"{label} closed": sum(flags) / len(flags) for label, flags in sorted(met.items())}
+    return {f"{label} closed": sum(flags) / len(flags) for label, flags in sorted(met.items()) if flags}
 
 
 @torch.no_grad()
@@ -278,8 +272,9 @@ def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
     recipe = trainer.recipe
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
     factor = None if recipe.annealed else lambda _: 1.0
+    groups = [{"params": list(trainer.model.parameters()), "lr": recipe.rate}]
     return begin(
-        arguments, trainer.parts, generators, groups=trainer.parameters(recipe.rate, arguments.encoder_rate),
+        arguments, trainer.parts, generators, groups=groups,
         steps=steps, decay=recipe.weight_decay, factor=factor, average=recipe.average,
         machine=trainer.machine,
     )  # fmt: skip
@@ -289,7 +284,7 @@ def start_from(trainer: AtsTrainer, path: Path) -> None:
     """Loads the weights of an `ats.pt`, including its encoder."""
     saved = torch.load(path)
     trainer.model.load_state_dict(saved["state"])
-    if saved["encoder"] is not None:
+    if saved.get("encoder") is not None:
         trainer.speech.encoder.load_state_dict(saved["encoder"])
 
 
@@ -301,7 +296,7 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
     config.emotion = "learned" if has_emotion else "added"
 
 
-def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
+def speech_source(arguments, config: AtsConfig) -> CompactSpeech | EarSpeech | HubertSpeech:
     """The source of speech features that the configuration asks for."""
     if hears_hubert(arguments, config):
         features = HubertFeatures(arguments.hubert)
@@ -309,12 +304,9 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
         return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
         return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, arguments.limit or 4))
-    encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
-    config.speech = SpeechInput("compact_speech", encoder.config.channels)
-    source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
-    if spoken.SOURCE not in getattr(arguments, "leave_out", ()) and not arguments.corpus:
-        source.entries += ear.speech_without_a_face(arguments)
-    return source
+    body = load_ear(arguments.speech or SHIPPED_EAR)
+    config.speech = SpeechInput(body.config.model, body.config.channels)
+    return EarSpeech(body, ear.for_systems(arguments, body.config.taps))
 
 
 def hears_hubert(arguments, config: AtsConfig) -> bool:
@@ -332,15 +324,10 @@ def own_clips(arguments) -> list[Clip]:
 
 def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> None:
     """Adds the flags for the encoder, the machine and the log, which `speech_source` and `descend` read."""
-    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--speech", type=Path, help="ear.pt of training.speech.train_ear, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument(
-        "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
-    )
     parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
-    ear.add_arguments(parser)
-    parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     add_arguments(parser, "bfloat16")
     parser.add_argument("--tensorboard", action="store_true", help="also log for TensorBoard, into --out")
@@ -357,11 +344,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-clips", nargs="*", default=[], help="hold out clips whose names begin so")
     default = list(SHARES.values())
-    parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
+    parser.add_argument("--shares", type=float, nargs=len(SHARES), default=default, help=f"of {[*SHARES]}")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
-    parser.add_argument("--encoder-rate", type=float, default=0.0, help="train the encoder too")
     parser.add_argument("--dropout", type=float, help="dropout, instead of the recipe's")
     return parser
 

@@ -65,8 +65,12 @@ macro_rules! model {
 
 /// Turns speech into features.
 pub static COMPACT_SPEECH: Model = model!("compact_speech");
-/// Turns features of speech into phones.
+/// Turns what the first layers of Whisper find in speech into features.
+pub static EAR: Model = model!("ear");
+/// Turns features of the ear into phones.
 pub static PHONES: Model = model!("phones");
+/// Turns features of the compact encoder into phones.
+pub static COMPACT_PHONES: Model = model!("compact_phones");
 /// Turns a voice into numbers for its emotion.
 pub static EMOTION_ENCODER: Model = model!("emotion_encoder");
 /// Recognises the emotion of a voice.

@@ -20,7 +20,8 @@ use crate::{
     speech::{
         SpeechEncoder, VoiceTrack, VoiceWindow,
         emotion_encoder::{NUMBERS, scaled_samples},
-        whisper::{RATE_HZ, Whisper},
+        whisper::Whisper,
+        whisper_trunk::RATE_HZ,
     },
 };
 

@@ -6,12 +6,14 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from training.corpus import arkit, bank
+from training.corpus import arkit, ear
 from training.corpus.action_units import unit_matrix
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS, MEL_PER_FRAME
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
-from training.speech.source import CompactSpeech
+from training.corpus.ear import EarClip
+from training.speech.ear import FRAMES_EACH
+from training.speech.fold import features_of
 from training.systems.cafe_talk.denoiser import Denoiser, Sampling
 from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import load
@@ -78,17 +80,15 @@ class Actor:
     def __init__(self, path: Path):
         stored = load(path)
         if stored.encoder is None:
-            raise ValueError(
-                f"{path}: expected a model with the compact encoder, got one with a checkpoint's"
-            )
+            raise ValueError(f"{path}: expected a model with a built-in encoder, got one with a checkpoint's")
         self.config, self.encoder, self.emotions = stored.config, stored.encoder, stored.emotions
         self.model = Denoiser(self.config).eval()
         self.model.load_state_dict(stored.state)
 
     @torch.no_grad()
-    def take(self, entry: Entry) -> Take:
+    def take(self, entry: EarClip) -> Take:
         """Runs a clip through the encoder."""
-        features = CompactSpeech(self.encoder, []).clip(entry)
+        features = features_of(self.encoder, entry)
         return Take(entry.name, entry.source, features, entry.motion.float(), entry.phones)
 
     def perform(
@@ -121,15 +121,10 @@ class Actor:
 def clips(arguments) -> tuple[list[Entry], list[Entry]]:
     """Clips to teach the judge, and held-out clips to judge and measure; motion is weights [T, 51].
 
-    `arguments` has `corpus` folders, or the `data` folder with `cache` and `voices` as in training, so that
-    the bank of the training is reused. It takes `clips` held-out clips of each source, and at most `seconds`
-    of each clip.
+    `arguments` has `corpus` folders, or the `data` folder with `cache`. It takes `clips` held-out clips of
+    each source, and at most `seconds` of each clip.
     """
-    if arguments.corpus:
-        entries = bank.of_folders(arguments.corpus, 1)
-    else:
-        entries = bank.load(arguments.data, arguments.cache, arguments.voices)
-    chosen = first_of_each(entries, LESSONS, arguments.clips)
+    chosen = first_of_each([*ear.recorded(arguments, list(ear.LAYERS))], LESSONS, arguments.clips)
     solved = arkit.as_weights(chosen, None if arguments.corpus else arguments.data)
     cut = [shortened(entry, int(arguments.seconds * FPS)) for entry in solved]
     return [e for e in cut if not e.held_out], [e for e in cut if e.held_out]
@@ -144,8 +139,9 @@ def first_of_each(entries: list[Entry], training: int, held_out: int) -> list[En
     return chosen
 
 
-def shortened(entry: Entry, frames: int) -> Entry:
+def shortened(entry: EarClip, frames: int) -> EarClip:
     """The first `frames` of a clip."""
     rows = MEL_PER_FRAME * frames
     sound = {"mels": entry.mels[:, :rows], "phones": entry.phones[:rows]}
+    sound["heard"] = entry.heard[:, :, : FRAMES_EACH * frames]
     return replace(entry, **sound, motion=entry.motion[:frames], weight=entry.weight[:frames])
