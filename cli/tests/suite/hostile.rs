@@ -227,7 +227,7 @@ fn no_file_is_read_without_end() {
     std::os::unix::fs::symlink(zero, folder.path().join("zero.npz")).unwrap();
     std::os::unix::fs::symlink(zero, folder.path().join("zero.mdd")).unwrap();
     std::os::unix::fs::symlink(zero, folder.path().join("zero.TextGrid")).unwrap();
-    for kind in ["weights/compact_speech", "speech"] {
+    for kind in ["weights/ear", "speech"] {
         let model = folder.path().join(kind);
         fs::create_dir_all(&model).unwrap();
         fs::write(model.join("config.json"), r#"{"model_type": "hubert"}"#).unwrap();
