@@ -205,7 +205,8 @@ def parser():
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources to leave out")
     parser.add_argument("--leave-clips", nargs="*", default=[], help="hold out clips whose names begin so")
     parser.add_argument("--leave-speech", nargs="*", default=["nathalie_nl"], help="speech to leave out")
-    parser.add_argument("--taps", type=int, nargs="*", default=[2, 3], help="layers of Whisper to read")
+    layers = {"choices": ear.LAYERS, "default": list(ear.LAYERS), "help": "layers of Whisper to read"}
+    parser.add_argument("--taps", type=int, nargs="*", **layers)
     parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=72)

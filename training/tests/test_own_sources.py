@@ -4,6 +4,7 @@ import numpy as np
 
 from training.corpus import grid, ict_sequences
 from training.corpus.aligned import read_grid_speech
+from training.corpus.clip import inner_gap
 from training.corpus.facegood import read_facegood
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
@@ -43,6 +44,22 @@ def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
     alike(converted, few, 1e-6)
     for a, b in zip(converted, few, strict=True):
         assert np.array_equal(a.weight, b.weight) and len(a.phones) > 8
+
+
+@needs_shared
+def test_each_of_five_speakers_moves_about_his_own_rest():
+    speakers: dict[str, list] = {}
+    for clip in grid.read_grid_five(SHARED / "data"):
+        assert not clip.held_out and abs(len(clip.samples) / 16000 - len(clip.motion) / 25) < 0.1
+        speakers.setdefault(clip.name.split("_")[0], []).append(clip)
+    counts = {"s4": 49, "s26": 10, "s31": 10, "s30": 2, "s33": 2}
+    assert {name: len(clips) for name, clips in speakers.items()} == counts
+    for clips in speakers.values():
+        gaps = np.concatenate([inner_gap(c.motion, c.neutral) for c in clips])
+        rest = inner_gap(0 * clips[0].motion[:1], clips[0].neutral)[0]
+        # The mouth of s26 stands open even where he is silent.
+        assert rest < 3e-3 and rest < np.quantile(gaps, 0.3)
+        assert 5e-3 < np.quantile(gaps, 0.95) < 25e-3
 
 
 @needs_shared
