@@ -53,10 +53,10 @@ def test_each_of_five_speakers_moves_about_his_own_rest():
         assert not clip.held_out and abs(len(clip.samples) / 16000 - len(clip.motion) / 25) < 0.1
         speakers.setdefault(clip.name.split("_")[0], []).append(clip)
     counts = {"s4": 49, "s26": 10, "s31": 10, "s30": 2, "s33": 2}
-    assert {name: len(clips) for name, clips in speakers.items()} == counts
-    for clips in speakers.values():
-        gaps = np.concatenate([inner_gap(c.motion, c.neutral) for c in clips])
-        rest = inner_gap(0 * clips[0].motion[:1], clips[0].neutral)[0]
+    assert {name: len(own) for name, own in speakers.items()} == counts
+    for own in speakers.values():
+        gaps = np.concatenate([inner_gap(c.motion, c.neutral) for c in own])
+        rest = inner_gap(0 * own[0].motion[:1], own[0].neutral)[0]
         # The mouth of s26 stands open even where he is silent.
         assert rest < 3e-3 and rest < np.quantile(gaps, 0.3)
         assert 5e-3 < np.quantile(gaps, 0.95) < 25e-3
