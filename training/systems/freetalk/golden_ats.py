@@ -48,14 +48,14 @@ def _sampling_run(model: AtsDenoiser) -> dict[str, Tensor]:
     frames, dims = 71, 3 * model.config.landmarks
     noise = torch.randn(frames, dims)
     speech = torch.randn(frames, model.config.speech.channels)
-    affect = _affect(frames)
+    affect, style = _affect(frames), model.config.styles.index("facegood_zh")
     warm = Sampling(5, "leading", 0.7)
     return {
         "long.noise": noise,
         "long.speech": speech,
         "long.affect": affect,
-        "long.motion": sample_from(model, noise, speech, affect, 1, model.config.sampling),
-        "long.motion_warm": sample_from(model, noise, speech, affect, 1, warm),
+        "long.motion": sample_from(model, noise, speech, affect, style, model.config.sampling),
+        "long.motion_warm": sample_from(model, noise, speech, affect, style, warm),
     }
 
 
