@@ -234,6 +234,10 @@ impl Engine {
             shapes,
             frames: frames.saturating_mul(copies),
             speech: (sound_s * self.registration.second_bytes as f64) as u64,
+            models: match self.system.description().speech {
+                Some(input) if input.encoder == speech::EAR_MODEL.name => speech::EAR_BYTES,
+                _ => 0,
+            },
         }
     }
 

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use crate::{Error, Result};
 
-/// Memory of the code and the models, bytes.
+/// Memory of the code and of models that are not large, bytes.
 const BASE: u64 = 70 << 20;
 /// Additional memory for finding and moving a face, even on the smallest mesh.
 const OF_ANY_MESH: u64 = 25 << 20;
@@ -34,6 +34,8 @@ pub struct MemoryNeed {
     pub frames: usize,
     /// Memory for analysing the sound and performing to it, bytes.
     pub speech: u64,
+    /// Memory of large models, bytes. That of the others is part of every estimate.
+    pub models: u64,
 }
 
 impl MemoryNeed {
@@ -52,7 +54,8 @@ impl MemoryNeed {
         let parts = animation
             .max(of_all(PREPARED))
             .saturating_add(of_all(shapes.saturating_mul(SHAPE)))
-            .saturating_add(BASE + any);
+            .saturating_add(BASE + any)
+            .saturating_add(self.models);
         parts / 100 * AT_ONCE_PERCENT
     }
 
@@ -233,7 +236,7 @@ mod tests {
                         vertices: 1_000 + vertices * size.min(1 << 50),
                         shapes: shapes * size,
                         frames: frames * size,
-                        speech: 0,
+                        ..MemoryNeed::default()
                     };
                     need.bytes()
                 };

@@ -31,6 +31,10 @@ use crate::{
 use body::{EarBody, FEATURES_EACH};
 use level::ear_mel;
 
+/// Memory that the ear takes while it is loaded and listens to some seconds, bytes. Most of it is 10.4
+/// million weights of the trunk in single precision.
+pub(crate) const EAR_BYTES: u64 = 76 << 20;
+
 /// The speech encoder on Whisper's first layers.
 pub struct Ear {
     trunk: WhisperTrunk,

@@ -39,6 +39,7 @@ pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
+pub(crate) use ear::EAR_BYTES;
 pub use ear::{Ear, EarConfig};
 pub use emotion_ear::{
     EMOTION_EAR, EMOTION_OF_WHISPER, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar,
