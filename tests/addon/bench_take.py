@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from figures import grid, tone
+from figures import babble, grid
 
 MINUTES, FPS, SIDE, KEYS = 10, 24, 163, 56
 _TEETH = 5
@@ -20,7 +20,7 @@ def prepare(addon, folder: str):
         bpy.data.objects.remove(ob)
     teeth, head = grid("Teeth_low", _TEETH, 0.05), grid("Head", SIDE)
     head.anyface.source = "FILE"
-    head.anyface.sound_file = tone(Path(folder) / "tone.wav")
+    head.anyface.sound_file = babble(Path(folder) / "voice.wav")
     part = head.anyface_face.parts.add()
     part.object, part.name, part.role = teeth, teeth.name, "jaw"
     return head, _take(addon, SIDE**2 + _TEETH**2)

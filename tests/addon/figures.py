@@ -56,6 +56,22 @@ def tone(path, seconds=2.0, rate=16000, silent_until=0.0, hertz=220.0):
     return str(path)
 
 
+def babble(path, seconds=2.0, rate=16000):
+    """A WAV file with a voice that says a vowel three times a second, which a tone does not."""
+    time = np.arange(int(seconds * rate)) / rate
+    pitch = 120.0 + 20.0 * np.sin(2 * np.pi * 0.7 * time)
+    phase = 2 * np.pi * np.cumsum(pitch) / rate
+    opened = 0.5 - 0.5 * np.cos(2 * np.pi * 3.0 * time)
+    formants = ((300.0 + 450.0 * opened, 90.0), (2000.0 - 800.0 * opened, 120.0), (2600.0, 180.0))
+    samples = np.zeros(len(time))
+    for k in range(1, 30):
+        gain = sum(1.0 / (1.0 + ((k * pitch - middle) / width) ** 2) for middle, width in formants)
+        samples += gain / k**0.5 * np.sin(k * phase)
+    samples *= np.clip(1.5 * opened, 0.03, 1.0)
+    write_wav(path, 0.5 * samples / np.abs(samples).max(), rate)
+    return str(path)
+
+
 def write_wav(path, samples, rate):
     """Mono 16-bit samples in -1..1."""
     with wave.open(str(path), "wb") as file:

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import tone
+from figures import babble
 
 FRAMES = 120
 
@@ -143,12 +143,11 @@ def test_what_cannot_be_named_stays(addon, parts):
 
 
 def test_generate_names_the_keys_of_the_default_head(addon, tmp_path):
-    noise = tmp_path / "a.wav"
-    tone(noise, seconds=3.0)
+    sound = babble(tmp_path / "a.wav", seconds=3.0)
     bpy.context.scene.render.fps = 24
     bpy.ops.anyface.add_sample_head()
     ob = bpy.context.object
-    ob.anyface.source, ob.anyface.sound_file = "FILE", str(noise)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", sound
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     first = [block.name for block in ob.data.shape_keys.key_blocks]
     assert first[1] == "Anyface.jaw" or "Anyface.blink" in first, first

@@ -234,7 +234,8 @@ def test_keys_of_vroid_speak_without_a_word(voice, addon):
     print("vroid", ob.anyface.mode, shares)
     assert ob.anyface.mode == "keys"
     # Five vowel keys can only open the mouth, so the other motion is lost while the lips meet.
-    assert shares[0] > 0.84 and shares[1] >= 0.95
+    # The more a mouth widens and narrows in speech, the more is lost.
+    assert shares[0] > 0.78 and shares[1] >= 0.95
 
 
 @pytest.fixture

@@ -102,7 +102,7 @@ def test_sliders_and_the_way_back(addon, voice):
         setattr(ob.anyface_output, name, value)
         off = farthest_mm(addon, ob, film(ob, frames()), dense[name])
         print(f"{name}: {off:.3f} mm off")
-        assert off < 2.5 * TOLERANCE_MM, name
+        assert off < 4.0 * TOLERANCE_MM, name
         setattr(ob.anyface_output, name, 1.0)
         assert farthest_mm(addon, ob, film(ob, frames()), before) < 0.005, name
     ob.anyface_output.shift = 5.0
@@ -120,7 +120,7 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     ob.anyface.seed = 5
     assert bpy.ops.anyface.redo() == {"FINISHED"}, ob.anyface.report
     # Named keys move farther than mixtures and against each other, so rounding at cuts shows more.
-    assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.02
+    assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.06
     assert np.abs(film(ob, [70]) - middle).max() > 1e-4
     # The redo adds keys at the cuts at both ends, and for the new motion.
     assert count_keys(ob) < 1.8 * many

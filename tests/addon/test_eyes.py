@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import tone
+from figures import babble
 from test_mouth import mask  # noqa: F401
 
 
@@ -47,7 +47,7 @@ def test_the_eyes_are_cut_free_and_everything_goes_along(face):
 
 
 def test_a_take_offers_it_where_eyes_cannot_blink(mask, addon, tmp_path):  # noqa: F811
-    mask.anyface.source, mask.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav", 0.5)
+    mask.anyface.source, mask.anyface.sound_file = "FILE", babble(tmp_path / "voice.wav", 1.0)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert addon("scene.face.opening").JOINED in mask.anyface.report
     assert addon("ui.mending").offers(mask) == ["open_mouth", "open_eyes"]

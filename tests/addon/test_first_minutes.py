@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from figures import grid, own_keys, select, stand_in, tone
+from figures import babble, grid, own_keys, select, stand_in, tone
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def stage(addon):
 
 def heard(tmp_path, ob):
     bpy.context.scene.render.fps = 24
-    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    ob.anyface.source, ob.anyface.sound_file = "FILE", babble(tmp_path / "voice.wav")
     return ob
 
 

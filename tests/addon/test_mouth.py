@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from figures import tone
+from figures import babble
 
 HEAD = Path(__file__).resolve().parents[2] / "weights" / "shared" / "default_head" / "head.obj"
 COLUMNS, ROWS = 70, 80
@@ -141,7 +141,7 @@ def test_normals_of_the_artist_stay(mask):
 
 def test_a_take_on_sealed_lips_offers_to_open_them(mask, addon, tmp_path):
     bpy.context.scene.render.fps = 24
-    mask.anyface.source, mask.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav", 0.5)
+    mask.anyface.source, mask.anyface.sound_file = "FILE", babble(tmp_path / "voice.wav", 1.0)
     offered = addon("ui.mending").offers
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert addon("scene.face.landmarks").load(mask) is None, "nobody has looked for the face"
