@@ -168,12 +168,21 @@ def test_a_finished_student_is_measured(lessons, model, tmp_path, monkeypatch, c
     folder = write_model(tmp_path / "stream", model.state_dict(), model.config.to_json())
     held_out = [replace(entry("grid_s1", 1.0), held_out=True), replace(entry("voices", 0.0), held_out=True)]
     monkeypatch.setattr(train_stream, "entries_of", lambda *_: [entry("grid_s1", 1.0), *held_out])
-    line = ["--measure", "--finished", str(folder)]
+    encoder = CompactEncoder(debug_encoder())
+    of_encoder = {"encoder": encoder.state_dict(), "encoder_config": vars(encoder.config)}
+    save(tmp_path / "ats.pt", AtsDenoiser(debug_ats()), **of_encoder)
+    line = ["--measure", "--finished", str(folder), "--ats", str(tmp_path / "ats.pt")]
     train_stream.measure(train_stream.parser().parse_args(line))
     rows = [row.split(" | ") for row in capsys.readouterr().out.splitlines()]
     assert rows[0] == ["0.02 million parameters, look-ahead 192.5 ms"]
     assert [row[0] for row in rows[1:]] == ["| clips", "| grid_s1", "| voices"]
     assert all(len(row) == 5 for row in rows[1:])
+
+
+def test_a_teacher_that_listens_by_the_ear_is_refused():
+    # Lessons hold the sound of other voices, which Whisper has not heard.
+    with pytest.raises(ValueError, match="listens by compact_speech, got one that listens by ear"):
+        FullModel(*load_models())
 
 
 def test_a_run_without_takes_is_sampled_as_the_shipped_model(tmp_path):
