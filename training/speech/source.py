@@ -53,55 +53,14 @@ class CompactSpeech:
         return {"encoder": state, "encoder_config": self.encoder.config.to_json()}
 
 
-class EarSpeech:
-    """Features of the ear, computed once in all voices. The ear is frozen: all systems share it."""
+class PreparedSpeech:
+    """Features that are computed once, because no training changes their encoder."""
 
-    def __init__(self, ear: EarBody, clips: Iterable[EarClip]):
-        self.ear, self.encoder = ear, nn.Identity()
-        self.entries = [entry_with_features(clip, ear) for clip in clips]
+    def __init__(self, entries: list[bank.Entry]):
+        self.encoder, self.entries = nn.Identity(), entries
 
-    def using(self, encoder: nn.Module) -> "EarSpeech":
-        """Returns itself, since the ear is not trained."""
-        return self
-
-    def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
-        """A sampler of windows in all voices, without augmentation of the sound."""
-        rows = [replace(e, phones=e.phones[::MEL_PER_FRAME]) for e in self.entries]
-        return FeatureSampler(rows, sources, shares, seed)
-
-    def windows(self, features: Tensor) -> Tensor:
-        """Returns `features` [B, T, C] unchanged."""
-        return features
-
-    def clip(self, entry: bank.Entry) -> Tensor:
-        """Features of a clip, [T, C]."""
-        return entry.mels[0].float()
-
-    def to(self, device: str) -> None:
-        """Nothing to move."""
-
-    def saved(self) -> dict:
-        """Nothing, since the ear has a model folder of its own."""
-        return {"encoder": None, "encoder_config": None}
-
-
-@torch.no_grad()
-def entry_with_features(clip: EarClip, ear: EarBody) -> bank.Entry:
-    """The clip with the ear's features [voices, T, C] in place of log-mels."""
-    known = {f.name: getattr(clip, f.name) for f in fields(bank.Entry)}
-    features = torch.cat([ear(voice[None]) for voice in clip.heard])
-    return replace(bank.Entry(**known), mels=features.half())
-
-
-class HubertSpeech:
-    """Features of a user's HuBERT or wav2vec2 checkpoint, computed once."""
-
-    def __init__(self, features: HubertFeatures, clips: list[Clip]):
-        self.encoder = nn.Identity()
-        self.entries = feature_entries(clips, features)
-
-    def using(self, encoder: nn.Module) -> "HubertSpeech":
-        """Returns itself, since the checkpoint is not trained."""
+    def using(self, encoder: nn.Module) -> "PreparedSpeech":
+        """Returns itself, since the encoder is not trained."""
         return self
 
     def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
@@ -120,5 +79,32 @@ class HubertSpeech:
         """Nothing to move."""
 
     def saved(self) -> dict:
-        """Nothing, since the checkpoint belongs to the user."""
+        """Nothing, since the encoder has a folder of its own."""
         return {"encoder": None, "encoder_config": None}
+
+
+class EarSpeech(PreparedSpeech):
+    """Features of the ear, in all voices of each clip. All systems share the ear."""
+
+    def __init__(self, ear: EarBody, clips: Iterable[EarClip]):
+        super().__init__([entry_with_features(clip, ear) for clip in clips])
+
+    def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
+        """A sampler of windows in all voices. Phones have one row for each frame."""
+        rows = [replace(e, phones=e.phones[::MEL_PER_FRAME]) for e in self.entries]
+        return FeatureSampler(rows, sources, shares, seed)
+
+
+@torch.no_grad()
+def entry_with_features(clip: EarClip, ear: EarBody) -> bank.Entry:
+    """The clip with the ear's features [voices, T, C] in place of log-mels."""
+    known = {f.name: getattr(clip, f.name) for f in fields(bank.Entry)}
+    features = torch.cat([ear(voice[None]) for voice in clip.heard])
+    return replace(bank.Entry(**known), mels=features.half())
+
+
+class HubertSpeech(PreparedSpeech):
+    """Features of a user's HuBERT or wav2vec2 checkpoint."""
+
+    def __init__(self, features: HubertFeatures, clips: list[Clip]):
+        super().__init__(feature_entries(clips, features))

@@ -92,6 +92,9 @@ def main(line: list[str] | None = None) -> None:
     arguments = parser.parse_args(line)
     seeded(arguments)
     saved = torch.load(arguments.run)
+    if saved["encoder_config"] is None:
+        expected = "--run: expected a run with an encoder of its own"
+        raise ValueError(f"{expected}, got one that listens by the ear, whose lips close by phones")
     encoder = CompactEncoder(CompactConfig(**saved["encoder_config"])).eval()
     encoder.load_state_dict(saved["encoder"])
     entries, shares = speech_with_phones(arguments)
