@@ -9,7 +9,7 @@ use crate::{
     job::ProgressFn,
     mesh::{FrontView, Mouth, PartRole},
     motion::{FaceModes, LandmarkClip, Motion},
-    speech::{LipClosures, LipContacts, LipRounding},
+    speech::{LipClosures, LipContacts, LipShapes},
     spread::Collector,
 };
 
@@ -160,7 +160,7 @@ fn poses(modes: &FaceModes) -> Result<[ndarray::Array2<f32>; 3]> {
         let contacts = LipContacts {
             together: LipClosures::heard(together, FPS),
             at_teeth: LipClosures::heard(at_teeth, FPS),
-            rounding: LipRounding::heard(vec![0.0; FRAMES], FPS),
+            shapes: LipShapes::none(),
         };
         let mut displacements = Array3::zeros((FRAMES, open.nrows(), 3));
         displacements

@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use ndarray::{ArrayView2, ArrayViewMut2};
+
 /// Number of landmarks `N`.
 pub const LANDMARKS: usize = 68;
 
@@ -88,6 +90,25 @@ pub(crate) struct LipColumn {
     pub(crate) upper: &'static [(usize, f32)],
     /// Landmark and share, the inner lip first.
     pub(crate) lower: &'static [(usize, f32)],
+}
+
+impl LipColumn {
+    /// How far the lips of the column are apart in a face `[68, 3]`, metres more than in the neutral
+    /// face.
+    pub(crate) fn gap(&self, face: ArrayView2<'_, f32>) -> f32 {
+        face[[self.upper[0].0, 1]] - face[[self.lower[0].0, 1]]
+    }
+
+    /// Parts the lips by `by` metres. Each lip moves half of that, and its outer landmarks move with
+    /// the inner one.
+    pub(crate) fn part(&self, face: &mut ArrayViewMut2<'_, f32>, by: f32) {
+        for (n, share) in self.upper {
+            face[[*n, 1]] += 0.5 * share * by;
+        }
+        for (n, share) in self.lower {
+            face[[*n, 1]] -= 0.5 * share * by;
+        }
+    }
 }
 
 pub(crate) static LIP_COLUMNS: [LipColumn; 3] = [

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     Result,
-    mesh::ibug::{CHIN, CORNERS, LIP_COLUMNS, LipColumn, speaking},
+    mesh::ibug::{CHIN, CORNERS, LIP_COLUMNS, speaking},
 };
 
 /// Lips begin to close below this gap, metres more than in the neutral face.
@@ -102,21 +102,9 @@ pub(super) fn keep_path(moved: &mut Array3<f32>, before: &[f32], fps: f64) {
     let frames = moved.outer_iter_mut().zip(shares);
     for (mut frame, share) in frames.filter(|(_, share)| *share > 0.0) {
         for column in &LIP_COLUMNS {
-            let (up, low) = (column.upper[0].0, column.lower[0].0);
-            let opening = frame[[up, 1]] - frame[[low, 1]] - TOUCHING_M;
-            part(&mut frame, column, -share * opening.max(0.0));
+            let opening = column.gap(frame.view()) - TOUCHING_M;
+            column.part(&mut frame, -share * opening.max(0.0));
         }
-    }
-}
-
-/// Parts the lips of a column by `by` metres. Each lip moves half of that, and its outer landmarks
-/// move with the inner one.
-fn part(frame: &mut ArrayViewMut2<'_, f32>, column: &LipColumn, by: f32) {
-    for (n, share) in column.upper {
-        frame[[*n, 1]] += 0.5 * share * by;
-    }
-    for (n, share) in column.lower {
-        frame[[*n, 1]] -= 0.5 * share * by;
     }
 }
 
@@ -134,10 +122,8 @@ pub(super) fn keep_gap(
     least: f32,
 ) {
     for column in &LIP_COLUMNS {
-        let (up, low) = (column.upper[0].0, column.lower[0].0);
-        let had = sampled[[up, 1]] - sampled[[low, 1]];
-        let has = frame[[up, 1]] - frame[[low, 1]];
+        let (had, has) = (column.gap(sampled), column.gap(frame.view()));
         let free = has.max(had.min(least));
-        part(frame, column, free + closed(had) * (had - free) - has);
+        column.part(frame, free + closed(had) * (had - free) - has);
     }
 }

@@ -1,6 +1,6 @@
-//! When the lips touch and how round they are, judged by the encoder and the phones together.
+//! When the lips touch and which shapes the mouth takes, judged by the encoder and the phones.
 
-use super::{Heard, LipClosures};
+use super::{Heard, LipClosures, LipShapes};
 
 /// Weight of the phones' log-odds. The encoder's own get the rest.
 const PHONES_SHARE: f32 = 0.45;
@@ -11,61 +11,16 @@ const LEAST: f32 = 1e-5;
 /// Log-odds that [`LipClosures`] takes for a full closure, less than even ones. Rows with even odds were
 /// counted in training's evaluation; the card of `phones` has precision and recall.
 const EVEN: f32 = 0.62;
-/// Weights that smooth the rounding over five frames, 0.2 s.
-const KERNEL: [f32; 5] = [0.1, 0.25, 0.3, 0.25, 0.1];
 
-/// When the lips of a speaker touch, and how round they are.
+/// When the lips of a speaker touch, and which shapes the mouth takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipContacts {
     /// The lips touch one another, for p, b, m.
     pub together: LipClosures,
     /// The lower lip touches the upper teeth, for f, v.
     pub at_teeth: LipClosures,
-    /// How far the lips come forward, for u, o, w.
-    pub rounding: LipRounding,
-}
-
-/// How round lips are over time.
-///
-/// ```
-/// use anyface::speech::LipRounding;
-///
-/// let rounding = LipRounding::heard(vec![0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0], 25.0);
-/// let degrees = rounding.at_frames(7, 25.0);
-/// assert!(degrees[0] < 0.4 && degrees[3] > 0.99 && degrees[6] < 0.4);
-/// ```
-#[derive(Debug, Clone, PartialEq)]
-pub struct LipRounding {
-    /// `[T']`, 0 to 1.
-    degree: Vec<f32>,
-    rate_hz: f64,
-}
-
-impl LipRounding {
-    /// From the degree in each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. Smooths
-    /// it to the speed of real lips, which come forward within 0.16 s.
-    pub fn heard(degree: Vec<f32>, rate_hz: f64) -> LipRounding {
-        let at = |t: isize| degree[t.clamp(0, degree.len() as isize - 1) as usize];
-        let smooth = |t: isize| (-2..=2).map(|k| KERNEL[(k + 2) as usize] * at(t + k)).sum();
-        LipRounding {
-            degree: (0..degree.len() as isize).map(smooth).collect(),
-            rate_hz,
-        }
-    }
-
-    /// The degree at each motion frame, `[T]`.
-    pub fn at_frames(&self, frames: usize, fps: f64) -> Vec<f32> {
-        let last = match self.degree.len() {
-            0 => return vec![0.0; frames],
-            length => length - 1,
-        };
-        let at = |t: usize| {
-            let place = (t as f64 / fps * self.rate_hz).min(last as f64);
-            let (first, part) = (place as usize, place.fract() as f32);
-            (1.0 - part) * self.degree[first] + part * self.degree[(first + 1).min(last)]
-        };
-        (0..frames).map(at).collect()
-    }
+    /// How far the mouth goes to the shapes of other sounds.
+    pub shapes: LipShapes,
 }
 
 impl Heard {
@@ -83,8 +38,8 @@ impl Heard {
             .phones
             .as_ref()
             .filter(|phones| phones.hears(&self.track, self.encoder_name()));
-        let (together, at_teeth, rounding) =
-            match phones.map(|phones| phones.contacts(features.view())) {
+        let (together, at_teeth, shapes) =
+            match phones.map(|phones| phones.contacts(features.view(), rate_hz)) {
                 Some(heard) => {
                     let together = match closed {
                         Some(closed) => {
@@ -93,9 +48,9 @@ impl Heard {
                         }
                         None => heard.together.into_iter().map(sure).collect(),
                     };
-                    (together, heard.at_teeth, heard.rounding)
+                    (together, heard.at_teeth, heard.shapes)
                 }
-                None => (closed.unwrap_or_default(), Vec::new(), Vec::new()),
+                None => (closed.unwrap_or_default(), Vec::new(), LipShapes::none()),
             };
         let together = LipClosures::heard(&together, rate_hz);
         LipContacts {
@@ -104,7 +59,7 @@ impl Heard {
                 None => together,
             },
             at_teeth: LipClosures::heard(&at_teeth, rate_hz),
-            rounding: LipRounding::heard(rounding, rate_hz),
+            shapes,
         }
     }
 }

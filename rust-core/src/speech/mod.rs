@@ -17,6 +17,7 @@ mod encoder_config;
 mod heard;
 pub mod hubert;
 mod letters;
+mod lip_shapes;
 mod log_mel;
 mod phones;
 mod quantile;
@@ -38,7 +39,7 @@ pub(crate) use closures::closure_share;
 pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
-pub use contacts::{LipContacts, LipRounding};
+pub use contacts::LipContacts;
 pub(crate) use ear::EAR_BYTES;
 pub use ear::{Ear, EarConfig};
 pub use emotion_ear::{
@@ -54,6 +55,7 @@ pub use encoder::{
     COMPACT_MODEL, EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of,
 };
 pub use heard::Heard;
+pub use lip_shapes::{LIP_SHAPES, LipShape, LipShapes};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{COMPACT_PHONE_MODEL, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;

@@ -9,7 +9,7 @@ use std::path::Path;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 use super::{
-    COMPACT_MODEL, FeatureTrack,
+    COMPACT_MODEL, FeatureTrack, LipShapes,
     alignment::{State, best_path, states_of},
     letters::Word,
 };
@@ -71,16 +71,6 @@ const LABIODENTALS: &[&str] = &["f", "v"];
 const VOWELS: &[&str] = &[
     "i", "ɪ", "y", "u", "ʊ", "e", "ɛ", "ø", "ə", "ɝ", "o", "ɔ", "ʌ", "a", "ɑ", "æ",
 ];
-/// How round the lips are in each phone, relative to u. Measured as how far forward the speaker of
-/// facegood_zh holds the lips, averaged over the frames of the phone. This speaker rarely says ʊ
-/// and ø, so they count as o.
-const ROUNDED: [(&[&str], f32); 5] = [
-    (&["u"], 1.0),
-    (&["w"], 0.9),
-    (&["y", "ɔ"], 0.7),
-    (&["ʊ", "o", "ø"], 0.6),
-    (&["ʃ", "ʒ", "ɹ"], 0.5),
-];
 /// An f or v counts only near a vowel, because hiss has no vowels. It does not count if the vowel's
 /// probability is below the first value, and counts fully above the second.
 const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];
@@ -94,8 +84,8 @@ pub(super) struct ContactProbability {
     pub(super) together: Vec<f32>,
     /// The lower lip touches the upper teeth, for f or v.
     pub(super) at_teeth: Vec<f32>,
-    /// How round the lips are.
-    pub(super) rounding: Vec<f32>,
+    /// The shapes of the mouth.
+    pub(super) shapes: LipShapes,
 }
 
 /// Phones and words of a sound.
@@ -164,8 +154,13 @@ impl PhoneModel {
         rows
     }
 
-    /// The contacts of the lips in each frame of features `[T, C]`, averaged over the frame's rows.
-    pub(super) fn contacts(&self, features: ArrayView2<'_, f32>) -> ContactProbability {
+    /// The contacts of the lips in each frame of features `[T, C]`, `rate_hz` frames a second, averaged
+    /// over the frame's rows, and the shapes of the mouth.
+    pub(super) fn contacts(
+        &self,
+        features: ArrayView2<'_, f32>,
+        rate_hz: f64,
+    ) -> ContactProbability {
         let posteriors = self.log_posteriors(features);
         let vowels = self.probability(VOWELS, &posteriors);
         let mut at_teeth = self.probability(LABIODENTALS, &posteriors);
@@ -178,20 +173,8 @@ impl PhoneModel {
         ContactProbability {
             together: self.probability(BILABIALS, &posteriors),
             at_teeth,
-            rounding: self.rounding(&posteriors),
+            shapes: LipShapes::heard(posteriors.view(), self, rate_hz * PARTS as f64),
         }
-    }
-
-    /// The mean degree of rounding of each frame, `[T]`, 0 to 1.
-    fn rounding(&self, posteriors: &Array2<f32>) -> Vec<f32> {
-        let mut sum = Vec::new();
-        for (phones, degree) in ROUNDED {
-            let heard = self.probability(phones, posteriors);
-            sum.resize(heard.len(), 0.0);
-            let parts = sum.iter_mut().zip(heard);
-            parts.for_each(|(sum, p)| *sum += degree * p);
-        }
-        sum
     }
 
     fn probability(&self, phones: &[&str], posteriors: &Array2<f32>) -> Vec<f32> {

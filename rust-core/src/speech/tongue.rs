@@ -39,6 +39,9 @@ const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
 /// Seconds that the tongue takes to reach a target, and again to leave it. Its top speed is π / 2
 /// times its mean speed: 0.29 m/s for a way of 15 mm.
 const TRAVEL_S: f64 = 0.08;
+/// A movement begins where its phones have the first probability in sum, and is complete from the
+/// second.
+const SURE: [f32; 2] = [0.15, 0.5];
 /// Rows of posteriors on either side of a row that are averaged with it: 30 ms in all.
 const NEAR_ROWS: usize = 1;
 
@@ -57,18 +60,29 @@ impl Heard {
                 let posteriors = phones.log_posteriors(self.track.features.view());
                 let rate_hz = phones.rows_per_second(&self.track);
                 let targets = targets(posteriors.view(), phones);
-                travel(targets.view(), rate_hz, frames, fps)
+                travel(targets.view(), rate_hz, TRAVEL_S, frames, fps)
             }
             None => Array2::zeros((frames, TONGUE_PLACES)),
         }
     }
 }
 
-/// Targets `[R, 4]` from log-posteriors `[R, K]`: the mean over all phones, weighted by their
-/// probabilities and smoothed over neighbouring rows.
+/// Targets `[R, 4]` from log-posteriors `[R, K]`, smoothed over neighbouring rows: of each place the
+/// largest among the kinds of phones, as far as a kind is [`sure`].
 fn targets(posteriors: ArrayView2<'_, f32>, phones: &PhoneModel) -> Array2<f32> {
-    let table = table(phones.classes());
-    let sharp = posteriors.mapv(f32::exp).dot(&table);
+    let kinds = TARGETS
+        .iter()
+        .map(|(names, target)| (classes_of(phones, names), target));
+    let kinds: Vec<(Vec<usize>, &[f32; TONGUE_PLACES])> = kinds.collect();
+    let mut sharp = Array2::zeros((posteriors.nrows(), TONGUE_PLACES));
+    for (likely, mut row) in posteriors.outer_iter().zip(sharp.outer_iter_mut()) {
+        for (classes, target) in &kinds {
+            let heard = sure(classes.iter().map(|&class| likely[class].exp()).sum());
+            row.iter_mut()
+                .zip(*target)
+                .for_each(|(to, x)| *to = f32::max(*to, heard * x));
+        }
+    }
     let mut smooth = sharp.clone();
     for (r, mut row) in smooth.outer_iter_mut().enumerate() {
         let near = r.saturating_sub(NEAR_ROWS)..(r + NEAR_ROWS + 1).min(sharp.nrows());
@@ -78,28 +92,33 @@ fn targets(posteriors: ArrayView2<'_, f32>, phones: &PhoneModel) -> Array2<f32> 
     smooth
 }
 
-/// The target of each class, `[K, 4]`.
-fn table(classes: &[String]) -> Array2<f32> {
-    let mut table = Array2::zeros((classes.len(), TONGUE_PLACES));
-    for (name, mut row) in classes.iter().zip(table.outer_iter_mut()) {
-        let known = TARGETS
-            .iter()
-            .find(|(names, _)| names.contains(&name.as_str()));
-        if let Some((_, target)) = known {
-            row.iter_mut().zip(target).for_each(|(to, x)| *to = *x);
-        }
-    }
-    table
+/// The classes of the phones with these signs.
+fn classes_of(phones: &PhoneModel, names: &[&str]) -> Vec<usize> {
+    let classes = phones.classes().iter().enumerate();
+    let known = classes.filter(|(_, sign)| names.contains(&sign.as_str()));
+    known.map(|(class, _)| class).collect()
 }
 
-/// Moves the tongue through `targets` `[R, 4]` and returns its motion, `[frames, 4]`. The tongue
-/// starts early enough to reach each target in time, and leaves it just as slowly. Where several
-/// targets are near, the one that moves the tongue farthest counts.
-fn travel(targets: ArrayView2<'_, f32>, rate_hz: f64, frames: usize, fps: f64) -> Array2<f32> {
-    let mut out = Array2::zeros((frames, TONGUE_PLACES));
+/// How far a movement goes whose phones have this probability in sum, 0 to 1.
+pub(super) fn sure(probability: f32) -> f32 {
+    let [from, to] = SURE;
+    ((probability - from) / (to - from)).clamp(0.0, 1.0)
+}
+
+/// Moves through `targets` `[R, N]` and returns the motion, `[frames, N]`. It starts `travel_s`
+/// seconds before each target, to be there in time, and leaves it just as slowly. Where several
+/// targets are near, the largest counts.
+pub(super) fn travel(
+    targets: ArrayView2<'_, f32>,
+    rate_hz: f64,
+    travel_s: f64,
+    frames: usize,
+    fps: f64,
+) -> Array2<f32> {
+    let mut out = Array2::zeros((frames, targets.ncols()));
     for (t, mut now) in out.outer_iter_mut().enumerate() {
         let middle = (t as f64 / fps + EARLY_S) * rate_hz;
-        let reach = TRAVEL_S * rate_hz;
+        let reach = travel_s * rate_hz;
         let first = (middle - reach).ceil().max(0.0) as usize;
         let end = ((middle + reach).floor().max(0.0) as usize + 1).min(targets.nrows());
         for r in first.min(end)..end {
@@ -119,19 +138,11 @@ mod tests {
 
     const RATE_HZ: f64 = 100.0;
 
-    fn classes() -> Vec<String> {
-        ["_", "a", "l", "t", "θ", "k", "j", "s"]
-            .map(str::to_owned)
-            .to_vec()
-    }
-
     #[test]
     fn each_phone_moves_its_own_part_of_the_tongue() {
-        let classes = classes();
-        let table = table(&classes);
         let of = |name: &str| {
-            let row = classes.iter().position(|known| known == name).unwrap();
-            table.row(row).to_vec()
+            let known = TARGETS.iter().find(|(names, _)| names.contains(&name));
+            known.map_or([0.0; TONGUE_PLACES], |(_, target)| *target)
         };
         for name in ["_", "a"] {
             assert_eq!(of(name), [0.0; TONGUE_PLACES]);
@@ -155,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn posteriors_mix_targets() {
+    fn likely_phones_move_the_tongue_all_the_way_and_unlikely_ones_less() {
         let phones = PhoneModel::open(None, "ear").unwrap();
         let classes = phones.classes();
         let of = |name: &str| classes.iter().position(|known| known == name).unwrap();
@@ -164,7 +175,8 @@ mod tests {
         posteriors.column_mut(of("k")).fill(0.25f32.ln());
         let mixed = targets(posteriors.view(), &phones);
         for row in mixed.rows() {
-            assert!((row[0] - 0.75).abs() < 1e-6 && (row[2] - 0.25).abs() < 1e-6);
+            assert_eq!(row[0], 1.0);
+            assert!((row[2] - sure(0.25)).abs() < 1e-6 && row[2] < 0.5);
             assert_eq!((row[1], row[3]), (0.0, 0.0));
         }
     }
@@ -176,7 +188,7 @@ mod tests {
         targets.slice_mut(ndarray::s![50..55, 0]).fill(1.0);
         targets.slice_mut(ndarray::s![67..72, 2]).fill(1.0);
         let fps = 200.0;
-        let travelled = travel(targets.view(), RATE_HZ, 200, fps);
+        let travelled = travel(targets.view(), RATE_HZ, TRAVEL_S, 200, fps);
         let at = |time_s: f64, place: usize| travelled[[(time_s * fps) as usize, place]];
         assert!(at(0.5, 0) > 0.999 && at(0.67, 2) > 0.999);
         assert!(at(0.5, 2) == 0.0 && at(0.67, 0) == 0.0);
@@ -195,7 +207,7 @@ mod tests {
     fn no_targets_are_stillness_and_a_short_sound_is_no_error() {
         for rows in [0, 40] {
             let silence = Array2::<f32>::zeros((rows, TONGUE_PLACES));
-            let travelled = travel(silence.view(), RATE_HZ, 9, 30.0);
+            let travelled = travel(silence.view(), RATE_HZ, TRAVEL_S, 9, 30.0);
             assert_eq!(travelled.dim(), (9, TONGUE_PLACES));
             assert!(travelled.iter().all(|x| *x == 0.0));
         }

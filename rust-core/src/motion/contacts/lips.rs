@@ -17,9 +17,9 @@ const FOLLOWS: [(usize, f32); 5] = [(0, 0.4), (0, 0.8), (1, 1.0), (2, 0.8), (2, 
 /// The upper lip's part of a closing motion.
 const UPPER_SHARE: f32 = 0.35;
 /// How far the chin hangs below its rest position where lips touch, metres. A chin above the first
-/// bound stays; no chin hangs below the second. grid_s1's tracked speaker has 3.5 mm (median) and
-/// 5.5 mm (95 %) there.
-const CHIN_DROP_M: [f32; 2] = [4e-3, 6e-3];
+/// bound stays; no chin hangs below the second, where lips look stretched. grid_s1's tracked speaker
+/// has 3.5 mm (median) there.
+const CHIN_DROP_M: [f32; 2] = [2.5e-3, 4.2e-3];
 /// Time in which the jaw rises before a contact and falls after it, seconds.
 const JAW_S: f64 = 0.1;
 
@@ -167,7 +167,7 @@ mod tests {
         close_lips(&mut clip, &LipClosures::heard(&probability, 25.0));
         let chin = |t: usize| -1e3 * clip.displacements[[t, CHIN, 1]];
         assert!(
-            (chin(0) - 8.0).abs() < 1e-3 && (5.0..6.0).contains(&chin(29)),
+            (chin(0) - 8.0).abs() < 1e-3 && (3.5..4.2).contains(&chin(29)),
             "{}",
             chin(29)
         );

@@ -3,7 +3,7 @@
 mod apply_controls;
 mod closing;
 mod reach;
-mod rounding;
+mod shapes;
 mod teeth;
 mod variety;
 
@@ -16,6 +16,7 @@ use crate::{Result, rig::ARKIT};
 
 pub use apply_controls::WeightCues;
 pub use closing::LipGaps;
+pub use shapes::MouthLengths;
 pub use teeth::LowerLip;
 
 /// The shape of ARKit's for which the mean face has no motion.
@@ -89,7 +90,7 @@ impl FaceModes {
         Ok(out)
     }
 
-    fn of_shape(&self, name: &str) -> Result<Array2<f32>> {
+    pub(super) fn of_shape(&self, name: &str) -> Result<Array2<f32>> {
         let sided = |stem: &str, side: &str| self.mode(&format!("{stem}{side}"));
         if let Ok(mode) = self.mode(name) {
             return Ok(mode.to_owned());

@@ -147,6 +147,6 @@ fn hiss_brings_no_lip_to_the_teeth() {
     };
     let features = encoder.encode(&sound, SILENT).unwrap().features;
     let model = PhoneModel::open(None, "ear").unwrap();
-    let at_teeth = model.contacts(features.view()).at_teeth;
+    let at_teeth = model.contacts(features.view(), 25.0).at_teeth;
     assert!(at_teeth.iter().all(|p| *p < 0.2));
 }

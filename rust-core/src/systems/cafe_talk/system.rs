@@ -14,7 +14,7 @@ use crate::{
     job::{Progress, ProgressFn},
     models::{BuiltIn, Weights},
     motion::{
-        Expressions, FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest,
+        Expressions, FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, MouthLengths,
         PerformanceControls, WeightClip, WeightCues, control_named, style_number,
     },
     speech::Heard,
@@ -105,6 +105,7 @@ pub struct CafeTalk {
     expressions: Expressions,
     gaps: LipGaps,
     lower_lip: LowerLip,
+    mouth: MouthLengths,
     window_cache: WindowCache,
 }
 
@@ -121,12 +122,14 @@ impl CafeTalk {
         let shapes = &denoiser.config().channels;
         let gaps = LipGaps::of_mean_face(&modes, shapes)?;
         let lower_lip = LowerLip::of_mean_face(&modes, shapes)?;
+        let mouth = MouthLengths::of_mean_face(&modes, shapes)?;
         Ok(CafeTalk {
             denoiser,
             modes,
             expressions: Expressions::open(folder)?,
             gaps,
             lower_lip,
+            mouth,
             window_cache: WindowCache::default(),
         })
     }
@@ -267,9 +270,10 @@ impl System for CafeTalk {
         let frames = clip.weights.nrows();
         let events = EventTrack::of(&request.events, &clip.names, frames, clip.fps, EDGE_S);
         let over_speech = &events.over_speech;
-        let mut rounded = clip.clone();
-        rounded.round_lips(&contacts.rounding, &self.modes, over_speech)?;
-        let mut performed = rounded.apply_controls(&self.modes, &cues, &controls)?;
+        let mut shaped = clip.clone();
+        self.mouth
+            .take_shapes(&mut shaped, &contacts.shapes, over_speech);
+        let mut performed = shaped.apply_controls(&self.modes, &cues, &controls)?;
         self.lower_lip
             .reach_teeth(&mut performed, &contacts.at_teeth, over_speech);
         self.gaps
