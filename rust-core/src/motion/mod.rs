@@ -22,6 +22,7 @@ mod head;
 mod idle;
 mod join;
 mod life;
+mod live_closures;
 mod liveliness;
 mod mood;
 mod phrases;
@@ -62,6 +63,7 @@ pub use idle::{Idle, IdleMotion};
 pub use join::Pose;
 pub(crate) use join::{begin_in, begin_tongue_in};
 pub use life::{Life, LifeStrengths};
+pub use live_closures::{CLOSURES_MODEL, LiveClosures};
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 #[cfg(any(feature = "emoface", feature = "facetalk"))]
@@ -70,7 +72,7 @@ pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub(crate) use weight_stream::Ears;
 pub use weight_stream::{WeightFrame, WeightStream};
-pub use weights::{LipGaps, LowerLip, WeightCues};
+pub use weights::{LipGaps, LowerLip, MouthLengths, WeightCues};
 
 /// The output of a system: motion of one of the kinds that [`crate::spread`] can put on a mesh.
 ///

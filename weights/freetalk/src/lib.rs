@@ -6,7 +6,5 @@ use anyface_weights_shared::{Model, model};
 pub static ATS_COMPACT: Model = model!("ats_compact");
 /// Turns speech into landmark motion while it is being spoken.
 pub static STREAM: Model = model!("stream");
-/// Hears when the lips are together, while somebody is speaking.
-pub static LIVE_CLOSURES: Model = model!("live_closures");
 /// The paper's decoder.
 pub static STM_PAPER: Model = model!("stm_paper");

@@ -71,6 +71,8 @@ pub static EAR: Model = model!("ear");
 pub static PHONES: Model = model!("phones");
 /// Turns features of the compact encoder into phones.
 pub static COMPACT_PHONES: Model = model!("compact_phones");
+/// Hears when the lips are together, while somebody is speaking.
+pub static LIVE_CLOSURES: Model = model!("live_closures");
 /// Turns a voice into numbers for its emotion.
 pub static EMOTION_ENCODER: Model = model!("emotion_encoder");
 /// Recognises the emotion of a voice.

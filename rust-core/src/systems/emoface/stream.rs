@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
+use ndarray::ArrayView1;
 
 use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
 use crate::{
@@ -10,10 +10,9 @@ use crate::{
     audio::SAMPLE_RATE_HZ,
     conditions::{EMOTIONS, Emotion},
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
+    motion::{LandmarkFrame, LiveClosures, MotionStream},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, EmotionEncoder, LiveEar,
-        LiveEmotion, SpeechEncoder, VoiceGate, closure_share,
+        CausalModel, CausalSpeech, EmotionEar, EmotionEncoder, LiveEar, LiveEmotion, VoiceGate,
     },
 };
 
@@ -21,8 +20,8 @@ use crate::{
 pub struct LiveParts {
     /// The causal twin of the content encoder.
     pub content: Arc<CausalModel>,
-    /// Finds closed lips in the content features.
-    pub encoder: CompactEncoder,
+    /// Hears when the lips are together.
+    pub closures: Arc<CausalModel>,
     /// The emotion encoder, which looks back only.
     pub emotion: Arc<EmotionEncoder>,
     /// Recognises the voice's emotion and its intensity.
@@ -59,13 +58,13 @@ impl LiveParts {
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
+    closures: LiveClosures,
     gate: VoiceGate,
     live_emotion: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
     style: usize,
     emotion: Emotion,
-    parting: Parting,
     /// Mean features of the emotion that was set, `[E]`.
     set: Option<Vec<f32>>,
     heard: Following,
@@ -121,7 +120,7 @@ impl EmoFaceStream {
             state: parts.model.start(None)?,
             style,
             emotion: Emotion::default(),
-            parting: Parting::new(parts.model.config().fps),
+            closures: LiveClosures::new(Arc::clone(&parts.closures), None),
             heard: Following::new(parts.model.config().fps),
             set: None,
             parts,
@@ -132,11 +131,15 @@ impl EmoFaceStream {
 impl MotionStream for EmoFaceStream {
     fn push(&mut self, samples: &[f32]) -> Result<()> {
         self.speech.push(samples)?;
+        self.closures.push(samples)?;
         self.gate.push(samples);
         Ok(())
     }
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
+        if !self.closures.is_ready() {
+            return None;
+        }
         let index = self.speech.next_row();
         let (live, ear) = (&mut self.live_emotion, &mut self.ear);
         let content = self.speech.pull(|stretch| {
@@ -164,22 +167,18 @@ impl MotionStream for EmoFaceStream {
             style: self.style,
             level,
         };
-        let closed = ArrayView2::from_shape((1, content.len()), &content).ok();
-        let closed = closed.and_then(|row| self.parts.encoder.closed_lips(row));
         let frame = self.parts.model.step(heard, Layer::Both, &mut self.state);
-        let mut displacements = landmarks(config, frame.layer(Layer::Both));
-        let share = closed.map_or(0.0, |closed| spoken * closure_share(closed[0]));
-        let mut face = ArrayViewMut2::from(&mut displacements);
-        let share = self.parting.next(opening(face.view()), share);
-        narrow(&mut face, share);
-        Some(LandmarkFrame {
+        let mut frame = LandmarkFrame {
             index,
-            displacements,
-        })
+            displacements: landmarks(config, frame.layer(Layer::Both)),
+        };
+        self.closures.close(&mut frame, spoken);
+        Some(frame)
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.speech.finish()
+        self.speech.finish()?;
+        self.closures.finish()
     }
 
     fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {

@@ -23,11 +23,11 @@ use crate::{
     mesh::ibug::LANDMARKS,
     models::{BuiltIn, Weights},
     motion::{
-        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
-        Motion, MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Template,
-        TemplateMask, style_number,
+        self, CLOSURES_MODEL, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
+        LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
+        PERFORMANCE_CONTROLS, Template, TemplateMask, style_number,
     },
-    speech::{self, COMPACT_MODEL, CausalModel, EmotionEar, Heard},
+    speech::{CausalModel, EAR_MODEL, EmotionEar, Heard},
     spread::TemplateOnFace,
     systems::{Ability, Description, EmotionMask, Registration, Sampled, Slider, System},
 };
@@ -176,7 +176,7 @@ pub static REGISTRATION: Registration = Registration {
     label: "EmoFace",
     help: "Speech and emotion come from one voice or from two, are analysed separately, and move the face \
            together.",
-    models: &[&MODEL, &CAUSAL_MODEL],
+    models: &[&MODEL, &CAUSAL_MODEL, &CLOSURES_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
     abilities: &[Ability::Emotion, Ability::FirstPose],
@@ -410,7 +410,7 @@ fn live_parts(
     let EmotionSource::BuiltIn(emotion) = source else {
         return Ok(None);
     };
-    if input.encoder != COMPACT_MODEL.name {
+    if input.encoder != EAR_MODEL.name {
         return Ok(None);
     }
     let files = CAUSAL_MODEL.open(folder)?;
@@ -420,7 +420,7 @@ fn live_parts(
     }
     Ok(Some(LiveParts {
         content: Arc::new(content),
-        encoder: speech::compact(folder)?,
+        closures: Arc::new(LiveClosures::open(folder)?),
         emotion: Arc::clone(emotion),
         ear: Arc::clone(ear),
         model: Arc::clone(model),

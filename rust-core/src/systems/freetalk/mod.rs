@@ -7,4 +7,4 @@ pub mod stream;
 mod system;
 
 pub use sampling::AtsRequest;
-pub use system::{ATS_MODEL, CLOSURES_MODEL, FreeTalk, REGISTRATION, STREAM_MODEL};
+pub use system::{ATS_MODEL, FreeTalk, REGISTRATION, STREAM_MODEL};

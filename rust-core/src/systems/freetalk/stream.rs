@@ -12,15 +12,12 @@ mod tests;
 
 use std::sync::Arc;
 
-use ndarray::ArrayViewMut2;
-
 use crate::{
     Error, Result,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    motion::{CausalExpression, LandmarkFrame, MotionStream, Parting, narrow, opening, too_short},
-    nn::elementwise::sigmoid,
-    speech::{CausalModel, CausalSpeech, VoiceGate, closure_share, seconds_of},
+    motion::{CausalExpression, LandmarkFrame, LiveClosures, MotionStream, too_short},
+    speech::{CausalModel, CausalSpeech, VoiceGate, seconds_of},
 };
 
 /// How many numbers a frame holds: three for each landmark.
@@ -35,45 +32,6 @@ pub struct CausalStream {
     emotion: Emotion,
 }
 
-/// How many numbers a frame of the closure detector holds: the logit that the lips are together.
-pub const CLOSURE_DIMS: usize = 1;
-
-/// Detects while somebody is speaking when the lips touch.
-struct LiveClosures {
-    speech: CausalSpeech,
-    /// How far the lips close in the next frame, 0 to 1. `None` until that frame has been heard.
-    share: Option<f32>,
-    parting: Parting,
-}
-
-impl LiveClosures {
-    /// Listens through the given further head of the model, or through its main one for `None`.
-    fn new(model: Arc<CausalModel>, head: Option<usize>) -> LiveClosures {
-        LiveClosures {
-            parting: Parting::new(model.config().fps),
-            speech: CausalSpeech::by(model, head),
-            share: None,
-        }
-    }
-
-    /// Whether the next frame has been heard.
-    fn is_ready(&mut self) -> bool {
-        if self.share.is_none() {
-            let row = self.speech.pull(|_| {});
-            self.share = row.map(|row| closure_share(sigmoid(row[0])));
-        }
-        self.share.is_some()
-    }
-
-    /// Closes the lips in `frame`, the next one, as far as the detector asks.
-    fn close(&mut self, frame: &mut LandmarkFrame) {
-        let share = self.share.take().unwrap_or(0.0);
-        let mut face = ArrayViewMut2::from(&mut frame.displacements);
-        let share = self.parting.next(opening(face.view()), share);
-        narrow(&mut face, share);
-    }
-}
-
 impl CausalStream {
     /// Starts with a neutral face, before any sound. Rows of `model` are landmark displacements,
     /// metres. Rows of `closures` are the logit that the lips are together.
@@ -86,7 +44,7 @@ impl CausalStream {
         let speech = CausalSpeech::new(model);
         let closures = LiveClosures::new(closures, None);
         CausalStream {
-            gate: VoiceGate::new(fps, longest_look_ahead(&speech, &closures.speech)),
+            gate: VoiceGate::new(fps, longest_look_ahead(&speech, closures.speech())),
             speech,
             closures,
             expression,
@@ -103,7 +61,7 @@ fn longest_look_ahead(one: &CausalSpeech, other: &CausalSpeech) -> usize {
 impl MotionStream for CausalStream {
     fn push(&mut self, samples: &[f32]) -> Result<()> {
         self.speech.push(samples)?;
-        self.closures.speech.push(samples)?;
+        self.closures.push(samples)?;
         self.gate.push(samples);
         Ok(())
     }
@@ -120,7 +78,7 @@ impl MotionStream for CausalStream {
             index,
             displacements,
         };
-        self.closures.close(&mut frame);
+        self.closures.close(&mut frame, 1.0);
         let spoken = self.gate.share(index);
         let said = frame.displacements.as_flattened_mut();
         said.iter_mut().for_each(|x| *x *= spoken);
@@ -131,7 +89,7 @@ impl MotionStream for CausalStream {
 
     fn finish(&mut self) -> Result<()> {
         self.speech.finish()?;
-        self.closures.speech.finish()
+        self.closures.finish()
     }
 
     fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
@@ -143,7 +101,7 @@ impl MotionStream for CausalStream {
     }
 
     fn look_ahead(&mut self, seconds: f64) -> Result<()> {
-        let models = [&self.speech, &self.closures.speech].map(CausalSpeech::model);
+        let models = [&self.speech, self.closures.speech()].map(CausalSpeech::model);
         let heads = models
             .each_ref()
             .map(|model| model.config().head_within(seconds));
@@ -160,7 +118,7 @@ impl MotionStream for CausalStream {
         self.speech = CausalSpeech::by(model, head);
         self.closures = LiveClosures::new(closures, closing);
         self.gate
-            .wait_for(longest_look_ahead(&self.speech, &self.closures.speech));
+            .wait_for(longest_look_ahead(&self.speech, self.closures.speech()));
         Ok(())
     }
 
@@ -169,7 +127,7 @@ impl MotionStream for CausalStream {
     }
 
     fn latency_s(&self) -> f64 {
-        seconds_of(longest_look_ahead(&self.speech, &self.closures.speech))
+        seconds_of(longest_look_ahead(&self.speech, self.closures.speech()))
     }
 
     fn next_frame(&self) -> usize {

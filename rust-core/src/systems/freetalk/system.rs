@@ -10,7 +10,7 @@ use super::{
     AtsRequest,
     ats::{Ats, AtsConfig},
     stm::{self, paper::PaperDecoder},
-    stream::{CLOSURE_DIMS, CausalStream, DIMS},
+    stream::{CausalStream, DIMS},
 };
 use crate::{
     Result,
@@ -21,8 +21,9 @@ use crate::{
     job::ProgressFn,
     models::{BuiltIn, Opened},
     motion::{
-        CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
-        Motion, MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS,
+        CLOSURES_MODEL, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
+        LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
+        PERFORMANCE_CONTROLS,
     },
     speech::{CausalModel, Heard},
     systems::{Description, Registration, Sampled, Slider, System},
@@ -33,7 +34,6 @@ pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_CO
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
 /// Built-in weights of the stream's closure detector.
-pub static CLOSURES_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::LIVE_CLOSURES);
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
 /// Chooses the decoder that spreads landmark motion over a mesh.
@@ -92,13 +92,11 @@ impl FreeTalk {
             Err(_) => AtsConfig::from_json(ATS_MODEL.config)?,
         };
         let files = STREAM_MODEL.open(folder)?;
-        let closures = CLOSURES_MODEL.open(folder)?;
-        let closures = CausalModel::load(&closures.weights, &closures.config, CLOSURE_DIMS)?;
         Ok(FreeTalk {
             ats,
             config,
             stream: Arc::new(CausalModel::load(&files.weights, &files.config, DIMS)?),
-            closures: Arc::new(closures),
+            closures: Arc::new(LiveClosures::open(folder)?),
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
             paper: OnceLock::new(),

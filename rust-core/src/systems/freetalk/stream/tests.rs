@@ -9,7 +9,7 @@ use crate::{
     conditions::EmotionCurve,
     job::SILENT,
     motion::{Expressions, FaceModes, stream_whole},
-    systems::freetalk::{CLOSURES_MODEL, STREAM_MODEL},
+    systems::freetalk::STREAM_MODEL,
 };
 
 fn built_in() -> Arc<CausalModel> {
@@ -18,8 +18,7 @@ fn built_in() -> Arc<CausalModel> {
 }
 
 fn closures() -> Arc<CausalModel> {
-    let files = CLOSURES_MODEL.open(None).unwrap();
-    Arc::new(CausalModel::load(&files.weights, &files.config, CLOSURE_DIMS).unwrap())
+    Arc::new(LiveClosures::open(None).unwrap())
 }
 
 /// A stream that every sound moves, because the voice gate would not let the hum pass.
