@@ -27,8 +27,8 @@ HISS_S = 60
 class LessonBatch:
     """A batch of windows. `mel` [B, R, 64] is raw log-mel; `heard` is the normaliser's state before it.
 
-    `captured` [B, T, 204] is in metres, and its `weight` is 0 where nothing was captured. `taught`
-    [B, T, 204] is the teacher's motion. `scale` is [B, 1, 1].
+    `captured` [B, T, 204] is in metres, and its `weight` is 0 where nothing was captured. `taught` [B, T, D]
+    are the teacher's rows. `scale` is [B, 1, 1].
     """
 
     mel: Tensor
@@ -40,13 +40,16 @@ class LessonBatch:
 
 
 class LessonSampler(WindowSampler):
-    """Draws windows from lessons. The sound extends past the last frame by the look-ahead."""
+    """Draws windows from lessons of `taught_by`. The sound extends past the last frame by the look-ahead.
 
-    def __init__(self, lessons: list[Lesson], shares: dict[str, float], seed: int, config,
+    `silence` [D] is what the teacher says where nobody speaks.
+    """
+
+    def __init__(self, lessons: list[Lesson], shares: dict[str, float], seed: int, config, silence: Tensor,
                  scales: dict[str, float] = SCALE_M):  # fmt: skip
-        packed = [pack(lesson) for lesson in lessons]
         options = AugmentOptions(silent_share=SILENT_SHARE)
-        super().__init__(packed, list(shares), list(shares.values()), seed, options)
+        super().__init__(lessons, list(shares), list(shares.values()), seed, options)
+        self.silence = silence
         self.config: StreamConfig = config
         self.scales = scales
         self.hiss = hiss(seed)
@@ -74,7 +77,7 @@ class LessonSampler(WindowSampler):
         if self.random.random() < GAIN_SHARE:
             mel = mel + self.random.uniform(*GAIN_NEPERS)
         mel = mel.clamp_min(np.log(FLOOR))[:rows]
-        captured, taught = tracks[:frames].split(DIMS, dim=1)
+        captured, taught = tracks[:frames].split([DIMS, len(self.silence)], dim=1)
         scale = self.scales.get(self.sources[index], UNCAPTURED_SCALE_M)
         return mel, captured, weight[:frames], taught, scale
 
@@ -101,7 +104,8 @@ class LessonSampler(WindowSampler):
             noise = self.random.uniform(-12.0, -3.0) + self._smooth(1.0)
             mel = torch.logaddexp(mel, noise + self._wobble(len(mel)))
         phones = torch.zeros(len(mel), dtype=torch.int16)
-        still, weight = torch.zeros(frames, 2 * DIMS), torch.ones(frames, DIMS)
+        still = torch.cat([torch.zeros(DIMS), self.silence]).expand(frames, -1)
+        weight = torch.ones(frames, DIMS)
         return mel, still, weight, phones, neutral_affect(1, frames)[0]
 
     def _wobble(self, rows: int) -> Tensor:
@@ -115,10 +119,3 @@ def hiss(seed: int) -> Tensor:
     generator = torch.Generator().manual_seed(seed)
     mel = log_mel(torch.randn(HISS_S * SAMPLE_RATE_HZ, generator=generator))
     return mel - mel.mean(dim=0)
-
-
-def pack(lesson: Lesson) -> Lesson:
-    """Puts captured and taught motion side by side in `motion`, which windows re-time with the sound."""
-    taught = lesson.taught.float()
-    captured = torch.where(lesson.weight > 0, lesson.motion, taught)
-    return Lesson(**(vars(lesson) | {"motion": torch.cat([captured, taught], dim=1).half()}))

@@ -13,6 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training import shipped
+from training.machine import in_bfloat16
 from training.nn.checkpoint import load_model, restored
 from training.nn.config import Config
 from training.speech.compact import ResidualBlock
@@ -107,7 +108,8 @@ def levelled(mel: Tensor) -> Tensor:
 class Ear:
     """The whole ear, as the library runs it: Whisper's first layers and the body.
 
-    Whisper multiplies in bfloat16 here, which changes no feature by more than its own noise in training.
+    Whisper multiplies in bfloat16 where a processor has it, which changes no feature by more than its own
+    noise in training.
     """
 
     def __init__(self, body: EarBody | None = None, trunk: WhisperEncoder | None = None):
@@ -122,7 +124,7 @@ class Ear:
 
 def taps(trunk: WhisperEncoder, mel: Tensor, layers: list[int], frames: int) -> Tensor:
     """`ear_mel` [T, 80] → outputs of `layers` [K, 2 `frames`, 512] f16; the last row repeats."""
-    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+    with torch.no_grad(), in_bfloat16():
         heard = trunk.hear(mel, layers)
     rows = torch.stack([x.float() for x in heard]).half()
     return rows[:, torch.arange(FRAMES_EACH * frames).clamp_max(rows.shape[1] - 1)]

@@ -1,13 +1,12 @@
-"""Trains the causal twin of the compact speech encoder. EmoFace's content branch reads it for live voices.
+"""Trains the causal twin of the ear. EmoFace's content branch reads it for live voices.
 
     python -m training.speech.train_causal --data ../shared/data --out runs/causal_speech
 
-The student hears a stretch of speech under a running normalisation, with a fifth of a second of look-ahead.
-Its teacher, the frozen encoder, hears the whole stretch at once. Windows are drawn as in
-`training.systems.freetalk.train_stream`, with the same rooms, noises and levels. Seeded; resumes from
-`--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export stream --run
-runs/causal_speech/stream.pt` writes the model. `--measure` trains nothing: it prints the scores of the model
-in `--finished` on held-out clips.
+The student hears a stretch of speech under a running normalisation, with a fifth of a second of look-ahead,
+in a room, in noise and in other voices. Its teacher, the ear, heard the whole of the clean sound. Seeded;
+resumes from `--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export
+stream --run runs/causal_speech/stream.pt` writes the model. `--measure` trains nothing: it prints the scores
+of the model in `--finished` on held-out clips.
 """
 
 import argparse
@@ -18,13 +17,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from training import shipped
-from training.corpus.bank import Entry, entry_without_motion
-from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
-from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.emodb import read_acted
+from training.corpus import lessons
+from training.corpus.clip import FPS
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
-from training.corpus.lessons import Lesson, speech_entries
-from training.corpus.shares import entries_of
+from training.corpus.lessons import Lesson, silence, taught_by
+from training.corpus.split import leave_clips
+from training.machine import in_bfloat16
 from training.nn.checkpoint import save
 from training.run import descend, seeded, trainer_parser
 from training.speech.causal import (
@@ -34,84 +32,40 @@ from training.speech.causal import (
     describe,
     load_stream,
     normalise_running,
-    pad_mel,
     perform,
 )
-from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder, normalise
-from training.speech.log_mel import SAMPLE_RATE_HZ, log_mel
 from training.speech.train import start
 from training.systems.freetalk.train_stream import prior_of
 
-SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")
-EDGE = 12
-"""Number of frames that the loss skips at the start of a window, where the whole encoder lacks context."""
-CLOSURE = 0.1
 HELD_OUT_CLIPS = 30
 
 
-def as_lesson(entry: Entry) -> Lesson:
-    """A lesson without motion. The encoder computes the targets of each window when it is drawn."""
-    still = torch.zeros(len(entry.motion), DIMS)
-    return Lesson(**(vars(entry) | {"motion": still, "weight": still}), taught=still.half())
+def prepare(arguments) -> tuple[list[Lesson], Tensor]:
+    """The lessons of a run with the ear's features as what is taught, and the features of silence."""
+    clips = lessons.load(arguments, 4 if arguments.config == "debug" else None)
+    leave_clips(clips, arguments.leave_clips)
+    return taught_by(clips, lambda heard: heard), silence(lambda heard: heard, arguments.ear)
 
 
-def acted_entries(data: Path, limit: int | None) -> list[Entry]:
-    """emodb_de: shouted, whispered and sobbed speech, two actors held out."""
-    entries = []
-    for clip in read_acted(data, limit):
-        frames = max(int(len(clip.samples) * FPS / SAMPLE_RATE_HZ), 2)
-        mel = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)
-        entries.append(entry_without_motion(clip.name, EMODB, clip.held_out, mel[None]))
-    return entries
-
-
-def prepare(arguments) -> list[Lesson]:
-    """Loads all speech to train on."""
-    debug = arguments.config == "debug"
-    limit, voices = (4, 2) if debug else (None, arguments.voices)
-    entries = entries_of(arguments, voices, limit)
-    if not arguments.corpus:
-        entries += acted_entries(arguments.data, limit)
-        for name in SPEECH:
-            sounds = 4 if debug else arguments.speech_limit
-            entries += speech_entries(arguments.data / "speech" / name, sounds, min(voices, 2))
-    return [as_lesson(entry) for entry in entries]
-
-
-@torch.no_grad()
-def whole(encoder: CompactEncoder, mel: Tensor, frames: int) -> Tensor:
-    """The encoder's features [B, frames, C] when it hears all of the raw log-mel [B, R, 64] at once."""
-    heard = torch.stack([normalise(row) for row in mel])
-    return encoder(heard)[:, :frames]
-
-
-def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
-    """Distance of features in units of their deviation, plus that of their probabilities of closed lips."""
-    taught = whole(encoder, batch.mel, frames)
+def loss_of(model: StreamNet, batch: LessonBatch):
+    """Distance of features in units of their deviation."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
-    with torch.autocast("cpu", torch.bfloat16):
+    with in_bfloat16():
         predicted = model(mel).float()
-    inner = slice(EDGE, frames)
-    apart = F.smooth_l1_loss(predicted[:, inner] / model.std, taught[:, inner] / model.std)
-    closed = F.binary_cross_entropy(
-        encoder.closed(predicted[:, inner]).clamp(1e-4, 1 - 1e-4), encoder.closed(taught[:, inner])
-    )
-    return apart + CLOSURE * closed, {"features": apart.item(), "closed": closed.item()}
+    apart = F.smooth_l1_loss(predicted / model.std, batch.taught / model.std)
+    return apart, {"features": apart.item()}
 
 
 @torch.no_grad()
-def validate(
-    model: StreamNet, encoder: CompactEncoder, lessons: list[Lesson], count: int
-) -> dict[str, float]:
+def validate(model: StreamNet, clips: list[Lesson], count: int) -> dict[str, float]:
     """Share of the features' variance explained on held-out clips, by source, from a cold start."""
     model.eval()
     report = {}
-    for source in sorted({x.source for x in lessons if x.held_out}):
+    for source in sorted({x.source for x in clips if x.held_out}):
         rest, spread = 0.0, 0.0
-        for clip in [x for x in lessons if x.held_out and x.source == source][:count]:
-            mel, frames = clip.mels[0].float(), len(clip.motion)
-            taught = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)[0]
-            predicted = perform(model, mel, frames)
+        for clip in [x for x in clips if x.held_out and x.source == source][:count]:
+            taught = clip.motion[:, DIMS:].float()
+            predicted = perform(model, clip.mels[0].float(), len(taught))
             rest += (predicted - taught).square().sum().item()
             spread += (taught - taught.mean(dim=0)).square().sum().item()
         report[f"{source} met"] = 1.0 - rest / spread
@@ -119,25 +73,22 @@ def validate(
     return report
 
 
-def new_model(arguments, encoder: CompactEncoder, lessons: list[Lesson]) -> StreamNet:
-    """A new student with the mean and deviation of the encoder's features."""
+def new_model(arguments, clips: list[Lesson]) -> StreamNet:
+    """A new student with the mean and deviation of the ear's features."""
+    taught = torch.cat([x.motion[:, DIMS:].float() for x in clips if not x.held_out][::5])
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
-    config.system, config.model = "emoface", "causal_speech"
-    config.outputs = encoder.config.channels
-    prior_of(config, lessons)
-    model = StreamNet(config)
-    clips = [x.mels[0].float() for x in lessons if not x.held_out][::5]
-    heard = torch.cat([whole(encoder, mel[None], len(mel) // MEL_PER_FRAME)[0] for mel in clips])
-    model.mean.copy_(heard.mean(dim=0))
-    model.std.copy_(heard.std(dim=0).clamp_min(1e-3))
+    config.system, config.model, config.outputs = "emoface", "causal_speech", taught.shape[1]
+    model = StreamNet(prior_of(config, clips))
+    model.mean.copy_(taught.mean(dim=0))
+    model.std.copy_(taught.std(dim=0).clamp_min(1e-3))
     return model
 
 
-def shares_of(lessons: list[Lesson]) -> dict[str, float]:
+def shares_of(clips: list[Lesson]) -> dict[str, float]:
     """How often each source is drawn: in proportion to the square root of its seconds."""
     seconds: dict[str, float] = {}
-    for lesson in lessons:
-        seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
+    for clip in (x for x in clips if not x.held_out):
+        seconds[clip.source] = seconds.get(clip.source, 0.0) + len(clip.motion) / FPS
     return {source: s**0.5 for source, s in seconds.items()}
 
 
@@ -145,19 +96,18 @@ def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     debug = arguments.config == "debug"
-    encoder = load_encoder(SHIPPED_ENCODER).eval().requires_grad_(False)
-    lessons = prepare(arguments)
+    clips, at_rest = prepare(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    model = new_model(arguments, encoder, lessons)
-    sampler = LessonSampler(lessons, shares_of(lessons), arguments.seed, model.config)
+    model = new_model(arguments, clips)
+    sampler = LessonSampler(clips, shares_of(clips), arguments.seed, model.config, at_rest)
     run = start(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         save(run.out / "stream.pt", averaged)
-        return validate(averaged, encoder, lessons, 4 if debug else HELD_OUT_CLIPS)
+        return validate(averaged, clips, 4 if debug else HELD_OUT_CLIPS)
 
-    descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
+    descend(arguments, run, lambda _: loss_of(model, sampler.batch(count, frames)), judge)
     return run.out / "stream.pt"
 
 
@@ -167,18 +117,16 @@ def measure(arguments) -> None:
     arguments.voices = 1
     model = load_stream(arguments.finished)
     print(describe(model))
-    encoder = load_encoder(SHIPPED_ENCODER).eval()
-    for name, share in validate(model, encoder, prepare(arguments), HELD_OUT_CLIPS).items():
+    for name, share in validate(model, prepare(arguments)[0], HELD_OUT_CLIPS).items():
         print(f"{name} {share:.2f}")
 
 
 def parser(doc: str = __doc__, out: str = "runs/causal_speech") -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(doc, out, 2500, 2e-3)
-    parser.add_argument("--speech-limit", type=int, default=150, help="sounds of each folder")
+    lessons.add_arguments(parser, 4)
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--channels", type=int, default=144)
-    parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
     return parser

@@ -1,4 +1,4 @@
-"""The causal twin of the speech encoder: it trains towards what the whole encoder hears, and exports."""
+"""The causal twin of the ear and the detector of closed lips: they learn what the ear hears, and export."""
 
 import argparse
 import json
@@ -6,59 +6,84 @@ import json
 import pytest
 import torch
 
-from training.corpus.bank import Entry
-from training.corpus.lesson_windows import LessonSampler
+from training.corpus.lesson_windows import DIMS, LessonSampler
+from training.corpus.lessons import Lesson, taught_by
 from training.export import export
 from training.nn.checkpoint import write_model
 from training.speech import train_causal, train_live_closures
 from training.speech.causal import StreamNet, debug_config, perform
-from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
-from training.speech.compact import debug_config as debug_encoder
-from training.speech.train_causal import as_lesson, loss_of, new_model, validate
+from training.speech.phones import CLASSES, PhoneConfig, PhoneReadout
+from training.speech.train_causal import loss_of, new_model, validate
+
+CHANNELS = 16
+
+
+def spoken(index: int, generator: torch.Generator) -> Lesson:
+    """A clip of noise in two voices. What the ear hears follows the loudness of the noise."""
+    mels = torch.randn((2, 4 * 90, 64), generator=generator).half()
+    heard = mels[0].float().unflatten(0, (90, 4)).mean(dim=1)[:, :CHANNELS]
+    nothing, phones = torch.zeros(90, DIMS), torch.full((4 * 90,), -1, dtype=torch.int16)
+    clip = (f"c{index}", "speech", index == 5, mels, nothing, nothing, phones)
+    return Lesson(*clip, heard=heard.half())
 
 
 @pytest.fixture(scope="module")
-def encoder() -> CompactEncoder:
-    torch.manual_seed(3)
-    return CompactEncoder(debug_encoder()).eval().requires_grad_(False)
-
-
-@pytest.fixture(scope="module")
-def lessons():
+def heard() -> list[Lesson]:
+    """Six lessons, one of them held out."""
     generator = torch.Generator().manual_seed(4)
-    entries = []
-    for index in range(6):
-        mels = torch.randn((2, 4 * 90, 64), generator=generator).half()
-        nothing = torch.zeros(90, 204)
-        entries.append(
-            Entry(
-                f"c{index}",
-                "speech",
-                index == 5,
-                mels,
-                nothing,
-                nothing,
-                torch.full((mels.shape[1],), -1, dtype=torch.int16),
-            )
-        )
-    return [as_lesson(entry) for entry in entries]
+    return [spoken(index, generator) for index in range(6)]
 
 
-def test_the_student_comes_nearer_to_what_the_whole_encoder_hears(encoder, lessons):
+@pytest.fixture(scope="module")
+def lessons(heard) -> list[Lesson]:
+    """They teach the features themselves."""
+    return taught_by(heard, lambda features: features)
+
+
+@pytest.fixture(scope="module")
+def closing(heard) -> list[Lesson]:
+    """They teach when the lips are together."""
+    torch.manual_seed(3)
+    readout = PhoneReadout(PhoneConfig(channels=CHANNELS, hidden=8)).eval()
+    readout.out.weight.data *= 20.0
+    return taught_by(heard, train_live_closures.Closures(readout))
+
+
+def sampler_of(lessons: list[Lesson], config, dims: int) -> LessonSampler:
+    """A sampler of these lessons. In silence they teach zeros."""
+    return LessonSampler(lessons, {"speech": 1.0}, 0, config, torch.zeros(dims))
+
+
+def test_closures_are_a_probability_and_even_phones_are_just_closed(closing):
+    said = torch.cat([x.motion[:, DIMS:] for x in closing]).float()
+    assert said.shape[1] == 1 and (said >= 0).all() and (said <= 1).all() and said.std() > 0.01
+    readout = PhoneReadout(PhoneConfig(channels=CHANNELS, hidden=8))
+    torch.nn.init.zeros_(readout.out.weight)
+    signs = list(CLASSES)
+    others = len(signs) - len(train_live_closures.BILABIALS)
+    likely = {sign: 1.0 / len(train_live_closures.BILABIALS) for sign in train_live_closures.BILABIALS}
+    bias = torch.tensor([likely.get(sign, 1.0 / others) for sign in signs]).log()
+    readout.out.bias.data = bias.repeat(4)
+    probability = train_live_closures.Closures(readout)(torch.randn(5, CHANNELS))
+    assert probability.shape == (5, 1)
+    assert torch.allclose(probability, torch.tensor(train_live_closures.CLOSED), atol=0.01)
+
+
+def test_the_student_comes_nearer_to_what_the_ear_hears(lessons):
     torch.manual_seed(5)
-    model = new_model(argparse.Namespace(config="debug"), encoder, lessons)
-    assert model.config.outputs == encoder.config.channels and model.config.model == "causal_speech"
-    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    model = new_model(argparse.Namespace(config="debug"), lessons)
+    assert model.config.outputs == CHANNELS and model.config.model == "causal_speech"
+    sampler = sampler_of(lessons, model.config, CHANNELS)
     optimiser = torch.optim.Adam(model.parameters(), 3e-3)
     batch, losses = sampler.batch(4, 32), []
     for _ in range(25):
-        loss, parts = loss_of(model, encoder, batch, 32)
+        loss, parts = loss_of(model, batch)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         losses.append(parts["features"])
     assert losses[-1] < 0.9 * losses[0]
-    assert set(validate(model, encoder, lessons, 4)) == {"speech met"}
+    assert set(validate(model, lessons, 4)) == {"speech met"}
 
 
 def test_the_folder_bears_the_name_of_the_model(tmp_path):
@@ -74,45 +99,45 @@ def test_the_folder_bears_the_name_of_the_model(tmp_path):
 
 def test_a_finished_twin_is_measured(lessons, tmp_path, monkeypatch, capsys):
     config = debug_config()
-    config.outputs = load_encoder(SHIPPED_ENCODER).config.channels
+    config.outputs = CHANNELS
     write_model(tmp_path / "model", StreamNet(config).state_dict(), config.to_json())
-    monkeypatch.setattr(train_causal, "prepare", lambda _: lessons)
+    monkeypatch.setattr(train_causal, "prepare", lambda _: (lessons, torch.zeros(CHANNELS)))
     train_causal.main(["--measure", "--finished", str(tmp_path / "model"), "--out", str(tmp_path / "out")])
     size, score = capsys.readouterr().out.splitlines()
     assert "million parameters, look-ahead " in size and score.startswith("speech met ")
     assert not (tmp_path / "out").exists()
 
 
-def test_the_student_learns_when_lips_are_together(encoder, lessons):
+def test_the_student_learns_when_lips_are_together(closing):
     torch.manual_seed(6)
-    model = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
+    model = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), closing)
     assert (model.config.model, model.config.outputs) == ("live_closures", 1)
-    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    sampler = sampler_of(closing, model.config, 1)
     optimiser = torch.optim.Adam(model.parameters(), 3e-3)
     batch, losses = sampler.batch(4, 32), []
     for _ in range(25):
-        loss, parts = train_live_closures.loss_of(model, encoder, batch, 32)
+        loss, parts = train_live_closures.loss_of(model, batch)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         losses.append(parts["closed"])
     assert losses[-1] < losses[0]
-    shares = train_live_closures.validate(model, encoder, lessons, 4)
+    shares = train_live_closures.validate(model, closing, 4)
     assert set(shares) == {f"speech {share}" for share in train_live_closures.SHARES}
     assert all(0 <= x <= 1 for x in shares.values())
 
 
-def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encoder, lessons, tmp_path):
+def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(closing, tmp_path):
     torch.manual_seed(6)
-    first = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
+    first = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), closing)
     write_model(tmp_path, first.state_dict(), first.config.to_json(), exact=("",))
     arguments = argparse.Namespace(config="debug", sooner=[3, 5], finished=tmp_path)
-    model = train_live_closures.new_model(arguments, lessons)
-    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    model = train_live_closures.new_model(arguments, closing)
+    sampler = sampler_of(closing, model.config, 1)
     optimiser = torch.optim.Adam([p for p in model.parameters() if p.requires_grad], 3e-3)
     batch, losses = sampler.batch(4, 32), []
     for _ in range(25):
-        loss, parts = train_live_closures.loss_of(model, encoder, batch, 32)
+        loss, parts = train_live_closures.loss_of(model, batch)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -120,8 +145,8 @@ def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encode
     assert losses[-1][0] < losses[0][0] and losses[-1][1] < losses[0][1]
     for name, value in first.state_dict().items():
         assert torch.equal(model.state_dict()[name], value), name
-    train_live_closures.calibrate(model, lessons)
-    clips = [x for x in lessons if not x.held_out]
+    train_live_closures.calibrate(model, closing)
+    clips = [x for x in closing if not x.held_out]
     for head in range(2):
         shut = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0].sigmoid() for x in clips]
         main = [perform(model, x.mels[0].float(), len(x.motion))[:, 0].sigmoid() for x in clips]
@@ -131,11 +156,11 @@ def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encode
         assert abs(float(share - main_share)) < 0.02
 
 
-def test_a_finished_student_of_closures_is_measured(lessons, tmp_path, monkeypatch, capsys):
+def test_a_finished_student_of_closures_is_measured(closing, tmp_path, monkeypatch, capsys):
     config = debug_config()
     config.outputs, config.sooner = 1, [3]
     write_model(tmp_path, StreamNet(config).state_dict(), config.to_json())
-    monkeypatch.setattr(train_live_closures, "prepare", lambda arguments: lessons)
+    monkeypatch.setattr(train_live_closures, "prepare", lambda _: (closing, torch.zeros(1)))
     line = ["--measure", "--finished", str(tmp_path)]
     train_live_closures.measure(train_live_closures.parser().parse_args(line))
     heads = [row.split(" | ")[0] for row in capsys.readouterr().out.splitlines()[1:]]

@@ -19,7 +19,7 @@ JAW, SMILE = CHANNELS.index("jawOpen"), CHANNELS.index("mouthSmileLeft")
 
 def trained(corpus: Path, out: Path, *more: str) -> Path:
     """A motion.pt of `debug` size."""
-    line = ["--corpus", corpus, "--out", out, "--config", "debug", "--voices", 1, "--steps", 6]
+    line = ["--corpus", corpus, "--out", out, "--config", "debug", "--steps", 6]
     line += ["--windows", 4, "--frames", 24, *more]
     return train_motion.train(train_motion.parser().parse_args([str(x) for x in line]))
 

@@ -7,26 +7,23 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.corpus import arkit, bank
+from training.corpus import arkit, bank, ear
 from training.corpus.cache import cached
-from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.clip import FPS
 from training.corpus.conditions import EMOTIONS
 from training.corpus.emodb import SOURCE as EMODB
 from training.corpus.emodb import read_acted
-from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
 from training.corpus.folder import CorpusFolder
-from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
 from training.nn.checkpoint import read_bytes, read_model
-from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
-from training.speech.log_mel import log_mel
+from training.speech.ear import SHIPPED_EAR, Ear, ear_mel, load_ear
 from training.systems.emoface import folder_clips
 from training.systems.emoface.emotion_encoder import EmotionEncoder, EmotionEncoderConfig
 from training.systems.emoface.encoders import (
     Checkpoint,
     CheckpointEmotion,
-    CompactSpeech,
+    EarContent,
     EmotionNumbers,
     Encoders,
 )
@@ -56,7 +53,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     for_folders = {
         "--hubert": arguments.hubert, "--emotion-hubert": arguments.emotion_hubert,
         "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
-        "--speech": arguments.speech != SHIPPED_ENCODER,
+        "--speech": arguments.speech != SHIPPED_EAR,
     }  # fmt: skip
     wrong = [flag for flag, is_there in for_folders.items() if is_there]
     if wrong:
@@ -70,14 +67,13 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
             f"are those of a folder with vertices, got the project's own clips of {FPS:g} fps; name a corpus "
             "folder, or take --config compact"
         )
-    weights = read_bytes(arguments.emotion_encoder)
-    key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
+    weights = read_bytes(arguments.emotion_encoder) + read_bytes(SHIPPED_EAR)
+    key = hashlib.sha256(weights + repr(arguments.limit).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
     clips = cached(path, Spoken, lambda: [*recorded(arguments), *acted(arguments)])
     config.emotion_ear = True
-    config.speech.channels, config.emotion_channels = (
-        x.shape[1] for x in (clips[0].content[0], clips[0].emotion)
-    )
+    config.speech.channels = clips[0].content[0].shape[1]
+    config.emotion_channels = clips[0].emotion.shape[1]
     return clips
 
 
@@ -106,7 +102,7 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
     if arguments.hubert is not None:
         speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
     else:
-        speech = CompactSpeech(arguments.speech, config.fps)
+        speech = EarContent(arguments.speech, config.fps)
     if arguments.emotion_hubert is not None:
         folder = arguments.emotion_hubert
         emotion = CheckpointEmotion(folder, config.fps, before_transformer, config.emotions)
@@ -115,37 +111,30 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
     return Encoders(speech, emotion, arguments.tune_encoders)
 
 
-def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
-    """Features of the compact encoder, [frames, C]."""
-    mel = fit_frames(log_mel(torch.from_numpy(samples)), MEL_PER_FRAME * frames)
-    return encoder(normalise(mel)[None])[0]
-
-
 @torch.no_grad()
 def recorded(arguments) -> list[Spoken]:
-    """Clips of grid_s1 and facegood_zh, with recorded neutral motion."""
-    encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
-    entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
-    entries = arkit.as_weights(entries, arguments.data)
-    samples = {c.name: c.samples for c in [*read_grid(arguments.data), *read_facegood(arguments.data)]}
+    """Clips of `bank.READERS`, with recorded neutral motion."""
+    body, emotion = load_ear(SHIPPED_EAR), load_emotion(arguments.emotion_encoder)
+    heard = arkit.as_weights(list(ear.recorded(arguments, body.config.taps)), arguments.data)
+    samples = {c.name: c.samples for read in bank.READERS.values() for c in read(arguments.data)}
     clips = []
-    for entry in entries:
-        content = [encoder(normalise(mel.float())[None])[0].half() for mel in entry.mels]
-        heard = _emotion_of(emotion, samples[entry.name], len(entry.motion))
-        clips.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
+    for clip in heard:
+        content = [body(voice[None])[0].half() for voice in clip.heard]
+        felt = _emotion_of(emotion, samples[clip.name], len(clip.motion))
+        clips.append(Spoken(clip.name, clip.source, clip.held_out, content, felt, clip.motion.float()))
     return clips
 
 
 @torch.no_grad()
 def acted(arguments) -> list[Spoken]:
     """Clips of emodb_de. The teacher makes their faces from phones; drawing a row adds the emotion."""
-    encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
+    listen, emotion = Ear(), load_emotion(arguments.emotion_encoder)
     teacher, clips = Teacher.load(), []
     for clip in read_acted(arguments.data, arguments.limit):
         frames = max(int(len(clip.samples) * FPS / 16000), 2)
         motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
         weights = arkit.weights_of(motion, torch.ones(204))
-        content = [_said(encoder, clip.samples, frames).half()]
+        content = [listen(ear_mel(torch.from_numpy(clip.samples)), frames).half()]
         heard = _emotion_of(emotion, clip.samples, frames)
         label = (clip.emotion, clip.share)
         clips.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))

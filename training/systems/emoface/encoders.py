@@ -13,13 +13,13 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.clip import FPS, MEL_PER_FRAME
 from training.corpus.windows import interpolate
 from training.nn.checkpoint import read_model, write_model
 from training.nn.config import SpeechInput
-from training.speech.compact import load_encoder, normalise
+from training.speech.ear import ear_mel, load_ear, taps
 from training.speech.hubert import MODELS, HubertFeatures, at_motion_frames
-from training.speech.log_mel import log_mel
+from training.speech.whisper import load_trunk
 from training.systems.emoface.emotion_encoder import LEAST, STEP, EmotionEncoderConfig, numbers, voice_of
 from training.systems.emoface.rows import Spoken
 
@@ -28,29 +28,33 @@ UNTAUGHT = -1
 """Label of a clip whose emotion is not a class of the emotion encoder."""
 
 
-class CompactSpeech(nn.Module):
-    """E_c: the compact speech encoder of a model folder. Its input is normalised log-mel."""
+class EarContent(nn.Module):
+    """E_c: the ear. Its input is what Whisper's frozen layers heard. Only the ear's body can learn."""
 
-    name = "compact_speech"
+    name = "ear"
 
-    def __init__(self, folder: Path, fps: float):
+    def __init__(self, path: Path, fps: float):
         super().__init__()
-        self.encoder, self.fps = load_encoder(folder).eval(), fps
-        self.about = SpeechInput(self.name, self.encoder.config.channels)
+        self.body, self.fps = load_ear(path).eval(), fps
+        self.trunk = load_trunk()
+        self.about = SpeechInput(self.name, self.body.config.channels)
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
-        """Samples [S] at 16 kHz → log-mel [4 N, 64], where N counts frames at 25 fps."""
+        """Samples [S] at 16 kHz → outputs of Whisper's layers [K, 2 N, 512], N counts frames at 25 fps."""
         count = math.ceil(frames * FPS / self.fps - 1e-6)
-        return normalise(fit_frames(log_mel(samples), MEL_PER_FRAME * count))
+        return taps(self.trunk, ear_mel(samples), self.body.config.taps, count)
 
-    def forward(self, mel: Tensor, frames: int) -> Tensor:
-        """Log-mel → features [frames, C]."""
-        heard = self.encoder(mel[None])[0]
-        return heard[:frames] if self.fps == FPS else at_motion_frames(heard, FPS, 0.0, frames, self.fps)
+    def forward(self, heard: Tensor, frames: int) -> Tensor:
+        """What `prepare` returned → features [frames, C]."""
+        features = self.body(heard[None])[0]
+        return (
+            features[:frames] if self.fps == FPS else at_motion_frames(features, FPS, 0.0, frames, self.fps)
+        )
 
     def write(self, folder: Path) -> None:
         """Writes a model folder."""
-        write_model(folder / self.name, self.encoder.state_dict(), self.encoder.config.to_json(), ("",))
+        exact = ("mean", "deviation")
+        write_model(folder / self.name, self.body.state_dict(), self.body.config.to_json(), exact)
 
 
 class Checkpoint(nn.Module):
@@ -140,7 +144,7 @@ class EmotionNumbers(nn.Module):
 class Encoders(nn.Module):
     """E_c and E_e of one model. `learn` says whether they are trained with it."""
 
-    def __init__(self, speech: CompactSpeech | Checkpoint, emotion: EmotionNumbers | CheckpointEmotion,
+    def __init__(self, speech: EarContent | Checkpoint, emotion: EmotionNumbers | CheckpointEmotion,
                  learn: bool = False):  # fmt: skip
         super().__init__()
         self.speech, self.emotion, self.learn = speech, emotion, learn

@@ -7,7 +7,7 @@ of emodb_de's held-out actors from rest, with the emotion of its own voice. No f
 exist, so the truth is the teacher's face with the labelled emotion. Then the model performs the same sentence
 with the emotion of another recording. Errors are in mm on the template: √LVE over the vertices around the
 lips, √EVE over those above the middle of the nose (metrics as in `docs/measuring.md`). Nothing is random.
-`--limit 100 --voices 1` reads fewer training clips and all held-out ones, and takes minutes less.
+`--limit 100` reads fewer training clips and all held-out ones, and takes minutes less.
 
     python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
 

@@ -113,7 +113,7 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
     if saved.get("tuned"):
         models, hears, feels = run.parent / MODELS, config.speech.encoder, config.emotion
         names = {"speech": None, "hubert": None, "emotion_encoder": None, "emotion_hubert": None}
-        names["speech" if hears == "compact_speech" else "hubert"] = models / hears
+        names["speech" if hears == "ear" else "hubert"] = models / hears
         names["emotion_hubert" if feels else "emotion_encoder"] = (
             models / f"emotion_{feels.encoder}" if feels else models / "emotion_encoder"
         )

@@ -218,7 +218,8 @@ class EmoFace(nn.Module):
 
 def compact_config(vertices: int = 2000) -> EmoFaceConfig:
     """The default model."""
-    return EmoFaceConfig(vertices=vertices)
+    styles = ["grid_s1", "grid_five", "facegood_zh", "emodb_de", ANY_STYLE]
+    return EmoFaceConfig(vertices=vertices, speech=SpeechInput("ear"), styles=styles)
 
 
 def debug_config(vertices: int = 90) -> EmoFaceConfig:

@@ -25,7 +25,7 @@ from training.losses import feature_concordance, feature_scores
 from training.nn.checkpoint import save
 from training.nn.spiral_conv import spirals
 from training.run import begin, descend, seeded, trainer_parser
-from training.speech.compact import SHIPPED_ENCODER
+from training.speech.ear import SHIPPED_EAR
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import load_clips, of_corpus, template_of
@@ -36,7 +36,7 @@ from training.systems.emoface.recorded_rows import RecordedRows
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
 from training.systems.freetalk import recipes
 
-SHARES = {"grid_s1": 0.35, "facegood_zh": 0.25, "emodb_de": 0.4}
+SHARES = {"grid_s1": 0.25, "grid_five": 0.12, "facegood_zh": 0.23, "emodb_de": 0.4}
 GUIDED_SHARE = 0.2
 """θ of eq. 6, as a share of the N steps. Until θ the model sees only true previous frames."""
 LENGTHS = (36, 48, 60)
@@ -91,7 +91,8 @@ class EmoFaceTrainer:
         self.model = EmoFace(config, around)
         self.model.prototypes.copy_(prototypes(clips, config))
         if arguments.base is not None:
-            self.model.load_state_dict(torch.load(arguments.base, map_location="cpu")["state"])
+            saved = torch.load(arguments.base, map_location="cpu")["state"]
+            self.model.load_state_dict({name: saved[name] for name in self.model.state_dict()})
         self.template = template
         self.learner = Learner(self.model, encoders)
 
@@ -276,7 +277,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--tune-encoders", action="store_true", help="train both encoders too, on a corpus folder"
     )
-    parser.add_argument("--speech", type=Path, default=SHIPPED_ENCODER, help="compact speech encoder")
+    parser.add_argument("--speech", type=Path, default=SHIPPED_EAR, help="ear.pt or folder of the ear")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
         "--emotion-hubert", type=Path, help="such a checkpoint for the emotion, with --corpus"
@@ -296,8 +297,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
     )
-    parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
-    parser.add_argument("--voices", type=int, default=4)
+    parser.add_argument("--base", type=Path, help="emoface.pt to go on from, or file of training.speech.fold")
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
     parser.add_argument(

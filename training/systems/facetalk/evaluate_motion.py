@@ -19,17 +19,16 @@ from torch import Tensor
 
 from training import shipped
 from training.corpus import ear
-from training.corpus.arkit import landmarks_of, of_folders
-from training.corpus.bank import Entry
+from training.corpus.arkit import landmarks_of
 from training.corpus.clip import MEL_PER_FRAME
+from training.corpus.ear import EarClip
 from training.corpus.faces import CHANNELS, load_ict
 from training.corpus.poses import emotion_prototypes
 from training.losses import feature_scores, lip_gap
-from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
-from training.speech.fold import features_of
+from training.speech.ear import SHIPPED_EAR, EarBody, load_ear
 from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
 from training.systems.facetalk.stored import load_folder, load_head, load_motion
-from training.systems.facetalk.train_motion import Codes, entries_of
+from training.systems.facetalk.train_motion import Codes, with_weights
 from training.systems.freetalk.ats import neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 from training.systems.freetalk.stored import load_models
@@ -45,15 +44,15 @@ STILL = [0, 1, 15, 16, 27, 28]
 
 
 class Speaker:
-    """A model with its speech encoder and the map from codes to weights."""
+    """A model with its ear and the map from codes to weights."""
 
-    def __init__(self, model: Denoiser, codes: Codes, encoder):
+    def __init__(self, model: Denoiser, codes: Codes, encoder: EarBody):
         self.model, self.codes, self.encoder = model, codes, encoder
 
     @torch.no_grad()
-    def heard(self, entry: Entry) -> Tensor:
-        """Speech features [T, C] of a clip."""
-        return self.encoder(normalise(entry.mels[0].float())[None])[0]
+    def heard(self, clip: EarClip) -> Tensor:
+        """Speech features [T, C] of a clip in its own voice."""
+        return self.encoder(clip.heard[:1])[0]
 
     def says(self, speech: Tensor, seed: int = 0, sampling: Sampling | None = None) -> Tensor:
         """ARKit weights [T, 51] for speech features."""
@@ -65,14 +64,14 @@ def correlation(a: Tensor, b: Tensor) -> float:
     return float(torch.corrcoef(torch.stack([a, b]))[0, 1])
 
 
-def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
+def by_source(entries: list[EarClip], count: int, skipped: int = 0) -> dict[str, list[EarClip]]:
     """At most `count` held-out clips of each source, after `skipped` ones. Omits sources without clips."""
     sources = sorted({e.source for e in entries})
     groups = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
     return {source: group for source, group in groups.items() if group}
 
 
-def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Sampling | None = None) -> dict:
+def agreement(speaker: Speaker, clips: dict[str, list[EarClip]], sampling: Sampling | None = None) -> dict:
     """r and slope of the lip gap, amplitude, and r of jawOpen, by source."""
     report = {}
     for source, group in clips.items():
@@ -88,17 +87,16 @@ def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Samplin
     return report
 
 
-def freetalk(arguments, clips: dict[str, list[Entry]]) -> dict[str, float]:
+def freetalk(arguments, clips: dict[str, list[EarClip]]) -> dict[str, float]:
     """r and slope of FreeTalk's lip gap on landmarks, and r of its chin with jawOpen, by source."""
     encoder, model = load_models(arguments.models)
     style = model.config.styles.index(model.config.default_style)
-    heard = {(c.source, c.name): c for c in ear.recorded(arguments, list(ear.LAYERS))}
     report = {}
     for source, group in clips.items():
         spoken = []
         for e in group:
             with torch.no_grad():
-                speech = features_of(encoder, heard[e.source, e.name])
+                speech = encoder(e.heard[:1])[0]
             spoken.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
         truth = [landmarks_of(e.motion.float()) for e in group]
         scores = feature_scores(list(zip(spoken, truth, strict=True)))
@@ -108,7 +106,7 @@ def freetalk(arguments, clips: dict[str, list[Entry]]) -> dict[str, float]:
     return report
 
 
-def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
+def loudness(clips: dict[str, list[EarClip]]) -> dict[str, float]:
     """r of the level of each frame with the lip gap and with jawOpen."""
     report = {}
     for source, group in clips.items():
@@ -122,7 +120,7 @@ def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
     return report
 
 
-def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None) -> dict[str, float]:
+def seeds(speaker: Speaker, clips: list[EarClip], sampling: Sampling | None = None) -> dict[str, float]:
     """How much five seeds differ: deviation between them in mm, and r of their lip gaps."""
     upper, mouth, agreed = [], [], []
     for e in clips:
@@ -141,7 +139,7 @@ def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None
     }
 
 
-def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
+def at_once(speaker: Speaker, clips: list[EarClip]) -> dict[str, float]:
     """Compares up to a minute sampled at once with the same sound in windows of two seconds.
 
     Returns r of the lip gap for both, and the drift of its mean.
@@ -159,7 +157,7 @@ def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
     }
 
 
-def still(speaker: Speaker, clips: list[Entry]) -> float:
+def still(speaker: Speaker, clips: list[EarClip]) -> float:
     """RMS speed of landmarks that speech should not move, mm a second."""
     speeds = []
     for e in clips:
@@ -201,9 +199,9 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
     }
 
 
-def held_out(arguments) -> dict[str, list[Entry]]:
+def held_out(arguments) -> dict[str, list[EarClip]]:
     """Held-out clips of the corpus folders if there are any, otherwise of the project's own sources."""
-    entries = of_folders(arguments.corpus, 1) if arguments.corpus else entries_of(arguments)
+    entries = with_weights(list(ear.recorded(arguments, list(ear.LAYERS))), arguments)
     clips = by_source(entries, arguments.clips, arguments.skip)
     if not clips:
         folders = " ".join(str(path) for path in arguments.corpus)
@@ -214,7 +212,7 @@ def held_out(arguments) -> dict[str, list[Entry]]:
 
 
 def main(line: list[str] | None = None) -> None:
-    """Entry of the command."""
+    """EarClip of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--model", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
@@ -231,16 +229,13 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument(
         "--corpus", type=Path, nargs="*", default=[], help="corpus folders, instead of --data"
     )
-    parser.add_argument(
-        "--voices", type=int, default=4, help="voices as in training, so that its bank is reused"
-    )
     parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
     parser.add_argument("--skip", type=int, default=0, help="held-out clips of each source to skip first")
     parser.add_argument("--temperature", type=float, help="temperature of every model, instead of its own")
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
     arguments = parser.parse_args(line)
     torch.set_num_threads(1)
-    encoder = load_encoder(arguments.models / "compact_speech" if arguments.models else SHIPPED_ENCODER)
+    encoder = load_ear(arguments.models / "ear" if arguments.models else SHIPPED_EAR)
     head, motions = (load_head(arguments.head), {}) if arguments.head else load_folder(arguments.model)
     model = load_motion(arguments.motion) if arguments.motion else motions["motion"]
     by_landmarks = motions.get("landmark_motion")

@@ -20,8 +20,8 @@ import torch
 from torch import Tensor
 
 from training import shipped
-from training.corpus import bank
-from training.corpus.arkit import as_weights, landmarks_of, of_folders
+from training.corpus import bank, ear
+from training.corpus.arkit import as_weights, landmarks_of
 from training.corpus.poses import LIDS, UPPER, emotion_prototypes
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
@@ -30,9 +30,9 @@ from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.nn.config import SpeechInput
 from training.run import begin, descend, seeded, trainer_parser
-from training.speech.compact import SHIPPED_ENCODER, load_encoder
+from training.speech.ear import SHIPPED_EAR, load_ear
 from training.speech.hubert import FPS, HubertFeatures
-from training.speech.source import CompactSpeech, HubertSpeech
+from training.speech.source import EarSpeech, HubertSpeech
 from training.systems.cafe_talk.train import solved
 from training.systems.facetalk.head import Head
 from training.systems.facetalk.motion import (
@@ -48,7 +48,7 @@ from training.systems.facetalk.recipes import MOTION
 from training.systems.facetalk.stored import load_folder, load_head
 from training.systems.freetalk import recipes
 
-SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
+SHARES = {"grid_s1": 0.45, "grid_five": 0.2, "facegood_zh": 0.35}
 DROPPED_SHARE = 0.25
 """Share of rows that train without their input (speech or landmarks), for classifier-free guidance."""
 PURE_NOISE_SHARE = 0.3
@@ -91,17 +91,17 @@ class Codes:
         self.matrix, self.at_rest, self.back = (x.to(device) for x in (self.matrix, self.at_rest, self.back))
 
 
-def entries_of(arguments) -> list[bank.Entry]:
-    """All clips, with ARKit weights as motion: from the corpus folders, or else the project's own sources."""
+def with_weights(entries: list[bank.Entry], arguments) -> list[bank.Entry]:
+    """The same clips with ARKit weights as motion."""
     if arguments.corpus:
-        return of_folders(arguments.corpus, arguments.voices, arguments.seed)
-    return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
+        return as_weights(entries, folders=arguments.corpus)
+    return solved(entries, arguments)
 
 
 class Trainer:
     """Data, model and one step."""
 
-    def __init__(self, arguments, speech: CompactSpeech | HubertSpeech, heard: SpeechInput, head):
+    def __init__(self, arguments, speech: EarSpeech | HubertSpeech, heard: SpeechInput, head):
         self.codes, self.speech = Codes(head), speech
         self.machine = Machine(arguments.device, arguments.precision)
         self.recipe = recipes.chosen(MOTION, arguments)
@@ -208,20 +208,20 @@ class Trainer:
         return out.clamp(0.0, 1.3)
 
 
-def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
+def speech_of(arguments) -> tuple[EarSpeech | HubertSpeech, SpeechInput]:
     """The source of speech features and its description. The paper uses wav2vec2 (section 4): `--hubert`."""
     if arguments.hubert is None:
-        encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
-        heard = SpeechInput("compact_speech", encoder.config.channels)
-        return CompactSpeech(encoder, entries_of(arguments)), heard
-    features = HubertFeatures(arguments.hubert, FPS)
-    if arguments.corpus:
-        speech = HubertSpeech(features, bank.clips_of_folders(arguments.corpus))
-        speech.entries = as_weights(speech.entries, folders=arguments.corpus)
+        body = load_ear(arguments.speech or SHIPPED_EAR)
+        speech = EarSpeech(body, ear.recorded(arguments, body.config.taps))
+        heard = SpeechInput(body.config.model, body.config.channels)
     else:
-        speech = HubertSpeech(features, [c for read in bank.READERS.values() for c in read(arguments.data)])
-        speech.entries = solved(speech.entries, arguments)
-    return speech, SpeechInput(features.kind, features.channels, features.transformer_fps)
+        features = HubertFeatures(arguments.hubert, FPS)
+        read = (c for reader in bank.READERS.values() for c in reader(arguments.data))
+        clips = bank.clips_of_folders(arguments.corpus) if arguments.corpus else list(read)
+        speech = HubertSpeech(features, clips)
+        heard = SpeechInput(features.kind, features.channels, features.transformer_fps)
+    speech.entries = with_weights(speech.entries, arguments)
+    return speech, heard
 
 
 @torch.no_grad()
@@ -272,7 +272,7 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/facetalk_motion", 4000, None, log_every=200, save_every=500)
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
-    parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
+    parser.add_argument("--speech", type=Path, help="ear.pt of training.speech.train_ear, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument(
         "--memory", choices=["speech", LANDMARKS], default="speech", help="input of the model"
@@ -281,7 +281,6 @@ def parser() -> argparse.ArgumentParser:
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
-    parser.add_argument("--voices", type=int, default=4)
     clips = "held-out clips of each source, at every log"
     parser.add_argument("--validation-clips", type=int, default=12, help=clips)
     parser.add_argument(

@@ -9,6 +9,7 @@ motion, in its default style, of a model that was not trained on these takes. `-
 `<out>/NAME/grid_s1/…`: the held-out clips of a speaker that the model was not trained on.
 """
 
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -17,13 +18,15 @@ import numpy as np
 import torch
 
 from training import DATA
-from training.corpus import bank
+from training.corpus import ear
 from training.corpus.aligned import read_grid_speech
 from training.corpus.clip import FPS
-from training.corpus.lessons import FullModel
+from training.corpus.ear import EarClip
 from training.corpus.teacher import Teacher
 from training.flags import run_command
+from training.speech.ear import EarBody
 from training.systems.freetalk.stored import load_models, load_run
+from training.systems.freetalk.train_stream import FullModel
 
 SAMPLES_PER_FRAME = 640
 
@@ -47,7 +50,8 @@ def write_teacher(data: Path, out: Path) -> int:
 
 def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str], grid: bool) -> None:
     """Writes a run's motion for whole takes of facegood_zh and, with `grid`, grid_s1's held-out clips."""
-    model, entries = full_model(run), bank.load(data, cache, 7)
+    body, model = full_model(run)
+    entries = list(ear.recorded(Namespace(data=data, cache=cache, corpus=[]), body.config.taps))
     chosen = {f"grid_s1/{e.name}": e for e in entries if grid and e.source == "grid_s1" and e.held_out}
     for take in takes:
         parts = [e for e in entries if e.source == "facegood_zh" and e.name.split("/")[0] == take]
@@ -55,22 +59,24 @@ def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str
             raise ValueError(f"--takes: expected takes of facegood_zh, got {take}")
         chosen[f"facegood_zh_whole/{take}"] = joined(parts)
     for path, entry in chosen.items():
-        write(out / f"{path}.npz", model.teach(entry).taught.float().unflatten(1, (68, 3)).numpy())
+        with torch.no_grad():
+            heard = body(entry.heard[:1])[0]
+        write(out / f"{path}.npz", model(heard).unflatten(1, (68, 3)).numpy())
 
 
-def joined(parts: list[bank.Entry]) -> bank.Entry:
+def joined(parts: list[EarClip]) -> EarClip:
     """Joins the pieces of one take, the training part first, into one clip in its own voice."""
     parts = sorted(parts, key=lambda e: e.held_out)
-    mels = torch.cat([e.mels[0] for e in parts])[None]
+    heard = torch.cat([e.heard[:1] for e in parts], dim=2)
     together = {k: torch.cat([getattr(e, k) for e in parts]) for k in ("motion", "weight", "phones")}
-    return replace(parts[0], mels=mels, **together)
+    return replace(parts[0], heard=heard, **together)
 
 
-def full_model(run: Path) -> FullModel:
-    """Loads a finished run with the sampling of the shipped model."""
-    encoder, denoiser = load_run(run)
+def full_model(run: Path) -> tuple[EarBody, FullModel]:
+    """The ear, and a finished run with the sampling of the shipped model."""
+    body, denoiser = load_run(run)
     denoiser.config.sampling = load_models()[1].config.sampling
-    return FullModel(encoder, denoiser)
+    return body, FullModel(denoiser)
 
 
 def main(

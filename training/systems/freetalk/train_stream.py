@@ -2,27 +2,29 @@
 
     python -m training.systems.freetalk.train_stream --data ../shared/data --out runs/stream
 
-The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It predicts
-the motion of every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech
-without motion, so that the student hears more voices than were captured; it learns only the teacher's motion
-there. `--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
-`--corpus DIR [DIR ...]` trains on corpus folders instead of the project's own sources. `--measure` trains
-nothing: it prints r and slope of the model in `--finished` on held-out clips. Seeded; resumes from
-`--out/last.pt` bit for bit; `--device` and `--precision` set where and how it computes
-(`training/machine.py`); `--config debug` takes a minute.
+The teacher is the denoiser in `--models`, or with `--ats` that of a finished run, on the ear's features of
+the whole sound. `--speech DIR ...` names folders of speech without motion, so that the student hears more
+voices than were captured; it learns only the teacher's motion there. `--corpus DIR [DIR ...]` trains on
+corpus folders instead of the project's own sources. `--leave-clips` keeps recorded clips out of training to
+measure on them. `--measure` trains nothing: it prints r and slope of the model in `--finished` on held-out
+clips. Seeded; resumes from `--out/last.pt` bit for bit; `--device` and `--precision` set where and how it
+computes (`training/machine.py`); `--config debug` takes a minute.
 """
 
 import argparse
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from training import WEIGHTS
-from training.corpus import lessons, spoken
+from training.corpus import lessons
+from training.corpus.grid import FIVE
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
-from training.corpus.lessons import FullModel, Lesson
-from training.corpus.shares import entries_of, lasting, measured_scales
+from training.corpus.lessons import Lesson, silence, taught_by
+from training.corpus.shares import lasting, measured_scales
+from training.corpus.split import leave_clips
 from training.losses import FEATURES, feature_concordance, feature_scores, landmark_weights, motion_loss
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
@@ -39,18 +41,38 @@ from training.speech.causal import (
 )
 from training.speech.compact import ACTIVE_QUANTILE, clip_colour
 from training.speech.train import start
+from training.systems.freetalk.ats import AtsDenoiser, neutral_affect
+from training.systems.freetalk.sampling import sample_motion
 from training.systems.freetalk.stored import load_models, load_run
 
-SHARES = {"grid_s1": 0.65, "facegood_zh": 0.35}
+SHARES = {"grid_s1": 0.4, "grid_five": 0.3, "facegood_zh": 0.3}
 CONCORDANCE = 0.2
 CAPTURED_SHARE, SPEECH_SHARE = 0.5, 0.4
 HELD_OUT_CLIPS = 60
 
 
+class FullModel:
+    """The full model in its default style: features of the ear [T, C] → motion [T, 204] in metres.
+
+    The motion is without noise. `training.speech.train_live_closures` teaches where the lips close.
+    """
+
+    def __init__(self, denoiser: AtsDenoiser):
+        self.denoiser = denoiser
+        self.sampling = replace(denoiser.config.sampling, temperature=0.0)
+        self.style = denoiser.config.styles.index(denoiser.config.default_style)
+
+    @torch.no_grad()
+    def __call__(self, heard: torch.Tensor) -> torch.Tensor:
+        return sample_motion(
+            self.denoiser, heard, neutral_affect(1, len(heard))[0], self.style, 0, self.sampling
+        )
+
+
 def load_teacher(arguments) -> FullModel:
     """The full model of `--ats`, or of `--models`."""
-    models = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
-    return FullModel(*models)
+    encoder, denoiser = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
+    return FullModel(denoiser)
 
 
 def prior_of(config: StreamConfig, clips: list[Lesson]) -> StreamConfig:
@@ -85,6 +107,7 @@ def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine:
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     of_batch = (batch.weight * weight, batch.captured, batch.taught, batch.scale)
     mask, true, taught, scale = (x.to(machine.device) for x in of_batch)
+    true = torch.where(mask > 0, true, taught)
     mel = mel.to(machine.device)
     if not model.sooner:
         with machine.autocast():
@@ -116,12 +139,19 @@ def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: t
 
 @torch.no_grad()
 def validate(model: StreamNet, clips: list[Lesson], captured: Collection[str]) -> dict[str, float]:
-    """r and slope of every feature on unseen clips, against captured motion or else the teacher's."""
+    """r and slope of every feature on unseen clips, against captured motion or else the teacher's.
+
+    Clips of several people in one source are told apart by the letters before the first `_` of their names.
+    """
     report, device = {}, model.mean.device
     model.eval().cpu()
-    for source in sorted({x.source for x in clips if x.held_out}):
-        chosen = [x for x in clips if x.held_out and x.source == source][:HELD_OUT_CLIPS]
-        true = [x.motion if source in captured else x.taught.float() for x in chosen]
+    groups: dict[str, list[Lesson]] = {}
+    for clip in (x for x in clips if x.held_out):
+        groups.setdefault(speaker(clip), []).append(clip)
+    for source, group in sorted(groups.items()):
+        chosen = group[:HELD_OUT_CLIPS]
+        at = slice(0, DIMS) if chosen[0].source in captured else slice(DIMS, 2 * DIMS)
+        true = [x.motion[:, at].float() for x in chosen]
         for head in (None, *range(len(model.sooner))):
             predicted = [perform(model, x.mels[0].float(), len(x.motion), head) for x in chosen]
             scores = feature_scores(list(zip(predicted, true, strict=True)))
@@ -131,14 +161,16 @@ def validate(model: StreamNet, clips: list[Lesson], captured: Collection[str]) -
     return report
 
 
+def speaker(clip: Lesson) -> str:
+    """The source of a clip; of grid_five the speaker."""
+    return clip.name.split("_")[0] if clip.source == FIVE else clip.source
+
+
 def measure(arguments) -> None:
     """Prints the size of the student in `arguments.finished`, and its scores as a table, r / slope."""
     seeded(arguments)
-    teacher = load_teacher(arguments)
-    entries = entries_of(arguments, 1, None)
-    for folder in arguments.speech:
-        entries += lessons.speech_entries(folder, arguments.speech_limit, voices=1)
-    clips = [teacher.teach(entry) for entry in entries if entry.held_out]
+    arguments.voices = 1
+    clips, _ = prepare(arguments)
     captured = {x.source for x in clips if bool((x.weight > 0).any())}
     model = load_stream(arguments.finished)
     print(describe(model))
@@ -149,17 +181,12 @@ def measure(arguments) -> None:
         print(f"| {name} | {' | '.join(cells)} |")
 
 
-def prepare(arguments) -> list[Lesson]:
-    """The lessons of a run: clips with the motion that the teacher predicts."""
-    debug = arguments.config == "debug"
-    voices, limit = (2, 4) if debug else (arguments.voices, None)
-    entries = entries_of(arguments, voices, limit)
-    if arguments.minutes > 0:
-        entries += spoken.load(arguments.data, arguments.cache, arguments.minutes)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+def prepare(arguments) -> tuple[list[Lesson], torch.Tensor]:
+    """The lessons of a run with the motion that the teacher predicts, and its motion in silence."""
     teacher = load_teacher(arguments)
-    count = 4 if debug else arguments.speech_limit
-    return lessons.load(entries, teacher, arguments.out, arguments.speech, count)
+    clips = lessons.load(arguments, 4 if arguments.config == "debug" else None)
+    leave_clips(clips, arguments.leave_clips)
+    return taught_by(clips, teacher), silence(teacher, arguments.ear)
 
 
 def new_model(arguments, clips: list[Lesson]) -> StreamNet:
@@ -168,10 +195,9 @@ def new_model(arguments, clips: list[Lesson]) -> StreamNet:
         return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig()
     model = StreamNet(prior_of(config, clips))
-    taught = torch.cat([x.taught.float() for x in clips])
+    taught = torch.cat([x.motion[:, DIMS:].float() for x in clips])
     model.mean.copy_(taught.mean(dim=0))
     model.std.copy_(taught.std(dim=0).clamp_min(2e-4))
-    assert model.std.shape == (DIMS,)
     return model
 
 
@@ -179,13 +205,13 @@ def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     debug = arguments.config == "debug"
-    clips = prepare(arguments)
+    clips, at_rest = prepare(arguments)
     model = new_model(arguments, clips)
     captured = captured_shares(arguments, clips)
     shares = shares_of(clips, SPEECH_SHARE, captured)
     scales = measured_scales([*captured], clips)
     machine = Machine(arguments.device, arguments.precision)
-    sampler = LessonSampler(clips, shares, machine.seed(arguments.seed), model.config, scales)
+    sampler = LessonSampler(clips, shares, machine.seed(arguments.seed), model.config, at_rest, scales)
     machine.place(model, arguments.seed)
     run, weight = start(arguments, model, {"windows": sampler.random}, 0.99, machine), landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
@@ -213,11 +239,8 @@ def parser() -> argparse.ArgumentParser:
                         help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/stream")
     parser.add_argument("--measure", action="store_true", help="measure --finished instead of training")
-    parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
-    parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
-    parser.add_argument("--minutes", type=float, default=0.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
-    parser.add_argument("--voices", type=int, default=7)
+    lessons.add_arguments(parser, 7)
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=112)
     return parser
