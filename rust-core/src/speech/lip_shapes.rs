@@ -40,7 +40,7 @@ const fn most(metres: f32) -> [f32; 2] {
 /// The shapes. The degree of rounding of each phone is that of facegood_zh's speaker relative to u,
 /// averaged over the frames of the phone; this speaker rarely says ʊ and ø, so they count as o.
 /// The lengths are what viewers need to tell the sounds apart, within what recorded lips do.
-pub const LIP_SHAPES: [LipShape; 5] = [
+pub const LIP_SHAPES: [LipShape; 4] = [
     LipShape {
         name: "oo",
         phones: &[("u", 1.0), ("w", 1.0), ("y", 0.9), ("ʊ", 0.8)],
@@ -73,14 +73,6 @@ pub const LIP_SHAPES: [LipShape; 5] = [
         gap_m: [4e-3, 9e-3],
         chin_m: [2e-3, 6e-3],
     },
-    LipShape {
-        name: "ee",
-        phones: &[("i", 1.0)],
-        forward_m: FREE,
-        width_m: least(1e-3),
-        gap_m: least(1e-3),
-        chin_m: FREE,
-    },
 ];
 
 /// How far the mouth goes to each of [`LIP_SHAPES`] over time.
@@ -94,7 +86,7 @@ pub const LIP_SHAPES: [LipShape; 5] = [
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipShapes {
-    /// `[R, 5]`, 0 to 1.
+    /// `[R, 4]`, 0 to 1.
     degree: Array2<f32>,
     rate_hz: f64,
 }
@@ -151,7 +143,7 @@ impl LipShapes {
         LipShapes { degree, rate_hz }
     }
 
-    /// The degree of each shape at each motion frame, `[T, 5]`. The mouth starts early enough to
+    /// The degree of each shape at each motion frame, `[T, 4]`. The mouth starts early enough to
     /// be there in time.
     pub fn at_frames(&self, frames: usize, fps: f64) -> Array2<f32> {
         travel(self.degree.view(), self.rate_hz, TRAVEL_S, frames, fps)

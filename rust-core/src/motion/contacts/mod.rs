@@ -1,5 +1,5 @@
-//! Makes the lips touch in p, b, m, f, v and gives the mouth the shapes of u, o, ʃ, s, θ and i, where
-//! the sound says so.
+//! Makes the lips touch in p, b, m, f, v and gives the mouth the shapes of u, o, ʃ and θ, where the
+//! sound says so.
 //!
 //! A contact lasts a frame or two. A network trained on squared error blurs it; the network that
 //! detects contacts ([`LipContacts`]) does not.
