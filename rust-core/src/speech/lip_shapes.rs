@@ -2,10 +2,7 @@
 
 use ndarray::{Array2, ArrayView2};
 
-use super::{
-    phones::{EARLY_S, PhoneModel},
-    tongue::{sure, travel},
-};
+use super::travel::{EARLY_S, sure, travel};
 
 /// Seconds that lips and jaw take to reach a shape, and again to leave it.
 const TRAVEL_S: f64 = 0.1;
@@ -92,16 +89,16 @@ pub struct LipShapes {
 }
 
 impl LipShapes {
-    /// From log-posteriors `[R, K]` of phones, `rate_hz` rows a second.
+    /// From log-posteriors `[R, K]`, `rate_hz` rows a second. `phones` `[K]`: the sign of each class.
     pub(super) fn heard(
         posteriors: ArrayView2<'_, f32>,
-        phones: &PhoneModel,
+        phones: &[String],
         rate_hz: f64,
     ) -> LipShapes {
         let likely = posteriors.mapv(f32::exp);
         let mut degree = Array2::zeros((likely.nrows(), LIP_SHAPES.len()));
         for (shape, mut column) in LIP_SHAPES.iter().zip(degree.columns_mut()) {
-            let known = phones.classes().iter().enumerate();
+            let known = phones.iter().enumerate();
             let of_shape: Vec<(usize, f32)> = known
                 .filter_map(|(class, sign)| {
                     let phone = shape.phones.iter().find(|(known, _)| known == sign)?;
@@ -152,7 +149,7 @@ impl LipShapes {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::PhoneModel, *};
 
     #[test]
     fn every_phone_of_a_shape_is_one_that_the_model_hears() {
@@ -170,7 +167,7 @@ mod tests {
         let mut likely = Array2::from_elem((3, classes.len()), 1e-6);
         (likely[[0, of("u")]], likely[[1, of("u")]]) = (0.1, 0.4);
         (likely[[1, of("ʊ")]], likely[[2, of("θ")]]) = (0.4, 0.9);
-        let shapes = LipShapes::heard(likely.mapv(f32::ln).view(), &phones, 100.0);
+        let shapes = LipShapes::heard(likely.mapv(f32::ln).view(), classes, 100.0);
         let row = |r: usize| shapes.degree.row(r).to_vec();
         assert!(row(0).iter().all(|degree| *degree < 1e-3), "{:?}", row(0));
         assert!((row(1)[0] - 0.9).abs() < 1e-3, "{:?}", row(1));

@@ -26,6 +26,7 @@ mod residual_block;
 mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
+mod travel;
 mod user_ear;
 mod voice_gate;
 pub mod wav2vec2;

@@ -12,6 +12,7 @@ use super::{
     COMPACT_MODEL, FeatureTrack, LipShapes,
     alignment::{State, best_path, states_of},
     letters::Word,
+    travel::EARLY_S,
 };
 use crate::{
     Error, Result,
@@ -22,8 +23,6 @@ use crate::{
 
 /// Rows of posteriors for each frame of the encoder.
 const PARTS: usize = 4;
-/// The first row of a frame lies this many seconds before the encoder's frame.
-pub(super) const EARLY_S: f64 = 0.02;
 /// Each posterior is divided by the frequency of its class, raised to this power.
 const PRIOR_POWER: f32 = 0.8;
 /// Cost of changing from one phone to another, nepers.
@@ -173,7 +172,11 @@ impl PhoneModel {
         ContactProbability {
             together: self.probability(BILABIALS, &posteriors),
             at_teeth,
-            shapes: LipShapes::heard(posteriors.view(), self, rate_hz * PARTS as f64),
+            shapes: LipShapes::heard(
+                posteriors.view(),
+                &self.config.phones,
+                rate_hz * PARTS as f64,
+            ),
         }
     }
 

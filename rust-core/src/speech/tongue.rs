@@ -2,7 +2,10 @@
 
 use ndarray::{Array2, ArrayView2, Axis};
 
-use super::{Heard, PhoneModel, phones::EARLY_S};
+use super::{
+    Heard, PhoneModel,
+    travel::{sure, travel},
+};
 
 /// Number of the tongue's movements in a frame: the tip rises to the ridge behind the upper teeth,
 /// the middle rises to the palate, the back rises to the palate, and the tip goes to the edge of
@@ -39,9 +42,6 @@ const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
 /// Seconds that the tongue takes to reach a target, and again to leave it. Its top speed is π / 2
 /// times its mean speed: 0.29 m/s for a way of 15 mm.
 const TRAVEL_S: f64 = 0.08;
-/// A movement begins where its phones have the first probability in sum, and is complete from the
-/// second.
-const SURE: [f32; 2] = [0.15, 0.5];
 /// Rows of posteriors on either side of a row that are averaged with it: 30 ms in all.
 const NEAR_ROWS: usize = 1;
 
@@ -97,39 +97,6 @@ fn classes_of(phones: &PhoneModel, names: &[&str]) -> Vec<usize> {
     let classes = phones.classes().iter().enumerate();
     let known = classes.filter(|(_, sign)| names.contains(&sign.as_str()));
     known.map(|(class, _)| class).collect()
-}
-
-/// How far a movement goes whose phones have this probability in sum, 0 to 1.
-pub(super) fn sure(probability: f32) -> f32 {
-    let [from, to] = SURE;
-    ((probability - from) / (to - from)).clamp(0.0, 1.0)
-}
-
-/// Moves through `targets` `[R, N]` and returns the motion, `[frames, N]`. It starts `travel_s`
-/// seconds before each target, to be there in time, and leaves it just as slowly. Where several
-/// targets are near, the largest counts.
-pub(super) fn travel(
-    targets: ArrayView2<'_, f32>,
-    rate_hz: f64,
-    travel_s: f64,
-    frames: usize,
-    fps: f64,
-) -> Array2<f32> {
-    let mut out = Array2::zeros((frames, targets.ncols()));
-    for (t, mut now) in out.outer_iter_mut().enumerate() {
-        let middle = (t as f64 / fps + EARLY_S) * rate_hz;
-        let reach = travel_s * rate_hz;
-        let first = (middle - reach).ceil().max(0.0) as usize;
-        let end = ((middle + reach).floor().max(0.0) as usize + 1).min(targets.nrows());
-        for r in first.min(end)..end {
-            let away = (r as f64 - middle).abs() / reach;
-            let share = (0.5 + 0.5 * (std::f64::consts::PI * away.min(1.0)).cos()) as f32;
-            for (x, target) in now.iter_mut().zip(targets.row(r)) {
-                *x = f32::max(*x, share * target);
-            }
-        }
-    }
-    out
 }
 
 #[cfg(test)]

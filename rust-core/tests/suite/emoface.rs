@@ -216,8 +216,9 @@ fn five_joined_shots_never_jump() {
                 "shot {n}"
             );
             let begun = steps[..12].iter().fold(0.0f32, |most, x| most.max(*x));
+            // The voice is a hum, whose phones come and go at any instant.
             assert!(
-                begun <= fast,
+                begun <= 1.1 * fast,
                 "shot {n} begins with {begun} mm a frame, 99 %: {fast}"
             );
         }

@@ -18,8 +18,8 @@ pub use shapes::{chin, forward, gap, missing, width};
 pub use teeth::{AT_TEETH_M, LIP, distance, excess};
 
 impl LandmarkClip {
-    /// Shapes the mouth ([`crate::speech::LIP_SHAPES`]), brings the lower lip to the upper teeth for f and v, and brings the
-    /// lips together for p, b, m.
+    /// Shapes the mouth ([`crate::speech::LIP_SHAPES`]), brings the lower lip to the upper teeth for
+    /// f and v, and brings the lips together for p, b, m.
     ///
     /// Frames far from a contact keep the network's motion, which resembles that of recorded lips.
     ///
