@@ -140,7 +140,7 @@ def test_a_take_starts_from_the_pose_of_the_current_frame(addon, speaking):
     scene.frame_set(end)
     generate(ob)
     joined = apart_mm(shape(ob, START), poses[end])
-    assert joined < 1.5 < 3.0 < far, (joined, far)
+    assert joined < 1.7 < 3.0 < far, (joined, far)
     # Half a second later the face has left the pose from which it started.
     assert apart_mm(shape(ob, START + int(0.5 * FPS)), poses[end]) > 1.0
     # A system that always starts from rest ignores the setting.
