@@ -138,7 +138,7 @@ def test_the_papers_loss_is_eq_11(folder):
     assert batch.logits.shape[0] == 2
     total.backward()
     learner = trainer.learner.encoders
-    assert all(x.grad is not None for x in (learner.emotion.weight, learner.speech.encoder.stem.weight))
+    assert all(x.grad is not None for x in (learner.emotion.weight, learner.speech.body.enter.weight))
 
 
 def test_the_emotion_encoder_as_a_network_hears_what_it_heard(folder):

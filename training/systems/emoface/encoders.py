@@ -36,7 +36,7 @@ class EarContent(nn.Module):
     def __init__(self, path: Path, fps: float):
         super().__init__()
         self.body, self.fps = load_ear(path).eval(), fps
-        self.trunk = load_trunk()
+        self.trunk = load_trunk().requires_grad_(False)
         self.about = SpeechInput(self.name, self.body.config.channels)
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
