@@ -5,7 +5,8 @@
 Least squares fit a linear map from the ear's features to those of the encoder on which the model was trained,
 over the training clips with recorded motion. The map goes into the layer of the model that reads the
 features. Sources of motion that the model does not know get a style like that of grid_s1. Of FaceTalk only
-the model that follows speech is written. FreeTalk's and Cafe-Talk's trainers take the file as `--init`.
+the model that follows speech is written. FreeTalk's and Cafe-Talk's trainers take the file as `--init`,
+EmoFace's as `--base`.
 """
 
 from collections.abc import Iterable

@@ -34,9 +34,8 @@ const fn most(metres: f32) -> [f32; 2] {
     [f32::NEG_INFINITY, metres]
 }
 
-/// The shapes. The degree of rounding of each phone is that of facegood_zh's speaker relative to u,
-/// averaged over the frames of the phone; this speaker rarely says ʊ and ø, so they count as o.
-/// The lengths are what viewers need to tell the sounds apart, within what recorded lips do.
+/// The shapes. Degrees and lengths are ours: what viewers need to tell the sounds apart. Recorded
+/// lips show less of them, because the depth of a tracked face is an estimate.
 pub const LIP_SHAPES: [LipShape; 4] = [
     LipShape {
         name: "oo",

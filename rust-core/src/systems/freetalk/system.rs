@@ -33,7 +33,6 @@ use crate::{
 pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_COMPACT, "ats");
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
-/// Built-in weights of the stream's closure detector.
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
 /// Chooses the decoder that spreads landmark motion over a mesh.
