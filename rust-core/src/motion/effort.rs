@@ -3,22 +3,20 @@
 //! The level says little, because it depends on the microphone's distance and is normalised away.
 //! Effort shows in the balance of the spectrum (loud voices carry 6 dB more above 1 kHz), in a raised
 //! pitch, and in whether there is a voice at all: a whisper has none. The gains are calibrated on
-//! readings in four languages and on ten actors of emodb_de (mean gain: neutral 1.00, anger 1.22, joy
-//! 1.14, sadness 0.95; readings 0.95 to 1.03; whispers 0.75, made from the readings by sending noise
-//! through their LPC filters). A speaker who declaims counts as loud.
+//! readings in four languages and on ten actors of emodb_de (whispers 0.75, made from the readings by
+//! sending noise through their LPC filters). A speaker who declaims counts as loud. A dull spectrum
+//! counts as ordinary speech: a slack voice has it, and so does many a microphone.
 
 use std::ops::Range;
 
 use crate::audio::{PROSODY_FPS, Prosody};
 
-/// Gains of shouting, of a slack voice and of whisper.
+/// Gains of shouting and of whisper.
 const LOUDEST: f32 = 1.3;
-const SLACKEST: f32 = 0.92;
 const WHISPER: f32 = 0.75;
 /// Spectral balance (dB above 1 kHz relative to below) at which strain begins, and at which it is
-/// full. The same for slack voices.
+/// full.
 const STRAIN_DB: (f32, f32) = (-7.0, -3.0);
-const SLACK_DB: (f32, f32) = (-10.5, -15.5);
 /// Median pitch above which nobody reads, and that of shouts, semitones over 1 Hz: 228 and 323 Hz.
 const RAISED: (f32, f32) = (94.0, 100.0);
 /// Weight of a raised pitch relative to a strained spectrum.
@@ -137,8 +135,7 @@ impl Stretch {
                 let (balance_db, pitch) = (self.balance_db / self.strong, self.pitch / self.strong);
                 let raised = RAISED_SHARE * part(pitch, RAISED);
                 let strain = (part(balance_db, STRAIN_DB) + raised).min(1.0);
-                let slack = part(balance_db, SLACK_DB);
-                1.0 + (LOUDEST - 1.0) * strain + (SLACKEST - 1.0) * slack
+                1.0 + (LOUDEST - 1.0) * strain
             }
             false => 1.0,
         };
