@@ -58,14 +58,12 @@ def ats(
     noise_s: Annotated[float, "over how many seconds that noise stays alike"] = 0.0,
     style: Annotated[str | None, "default speaking style"] = None,
 ) -> Iterator[Model]:
-    """An ats.pt of training.systems.freetalk.train, and its encoder."""
+    """An ats.pt of training.systems.freetalk.train."""
     saved = torch.load(run, map_location="cpu")
     config = AtsConfig.from_json(saved["config"])
     config.sampling = Sampling(steps, spacing, temperature, noise_s) if steps else config.sampling
     config.default_style = style or config.default_style
     yield Model(f"ats_{config.name}", saved["state"], config.to_json())
-    if saved["encoder_config"] is not None:
-        yield Model("compact_speech", saved["encoder"], saved["encoder_config"])
 
 
 def ear(run: Run) -> Iterator[Model]:
@@ -100,14 +98,12 @@ def cafe_talk(
     noise_s: Annotated[float | None, "over how many seconds that noise stays alike"] = None,
     style: Annotated[str | None, "default speaking style"] = None,
 ) -> Iterator[Model]:
-    """A cafe_talk.pt with the places of the emotions, and the random encoder of a debug run."""
+    """A cafe_talk.pt with the places of the emotions."""
     saved = torch.load(run, map_location="cpu")
     config = CafeTalkConfig.from_json(saved["config"])
     changed = {"steps": steps, "alpha": alpha, "beta": beta, "temperature": temperature, "noise_s": noise_s}
     config.sampling = replace(config.sampling, **{k: v for k, v in changed.items() if v is not None})
     config.default_style = style or config.default_style
-    if config.name == "debug" and saved["encoder_config"] is not None:
-        yield Model("compact_speech", saved["encoder"], saved["encoder_config"])
     state = saved["state"] | {"emotions": saved["emotions"].float()}
     yield Model(f"cafe_talk_{config.name}", state, config.to_json())
 

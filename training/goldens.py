@@ -25,7 +25,6 @@ GOLDENS = {
     "resampled_speech": "training.speech.golden_resampled",
     "whisper": "training.speech.golden_whisper",
     "ear": "training.speech.golden_ear",
-    "compact_speech": "training.speech.golden_compact",
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",
     "cafe_talk": "training.systems.cafe_talk.golden",
@@ -59,6 +58,14 @@ def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Mo
     save_file({key: value.contiguous() for key, value in (weights | tensors).items()}, path, metadata)
     path.chmod(0o644)
     return path
+
+
+def randomise_norms(model: nn.Module) -> None:
+    """Gives every LayerNorm a random weight and bias instead of 1 and 0, so that swapped norms show."""
+    for module in model.modules():
+        if isinstance(module, nn.LayerNorm):
+            nn.init.uniform_(module.weight, 0.5, 1.5)
+            nn.init.uniform_(module.bias, -0.5, 0.5)
 
 
 def main() -> None:

@@ -140,6 +140,17 @@ def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | n
     return Run(arguments.out, parts | (extra or {}), steps, arguments.save_every, generators, machine, board)
 
 
+def begin_student(
+    arguments, model: nn.Module, generators: dict, average: float, machine: Machine | None = None
+) -> Run:
+    """The run of a causal student. `debug` takes 20 steps."""
+    steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
+    warm = max(steps // 20, 1) / steps
+    return begin(
+        arguments, model, generators, steps=steps, decay=0.02, warm=warm, average=average, machine=machine
+    )
+
+
 def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
             judge: Callable[[nn.Module], dict], clip: float = 1.0,
             clipped: nn.Module | None = None) -> nn.Module:  # fmt: skip

@@ -149,7 +149,7 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
 
 def test_models_of_ones_own_are_named_in_the_panel_and_the_preferences(screen, photographs):  # noqa: F811
     folder = screen.folder / "models"
-    for model in ("shared/compact_speech", "shared/face_modes", "freetalk/stm_paper"):
+    for model in ("shared/ear", "shared/face_modes", "freetalk/stm_paper"):
         shutil.copytree(ROOT / "weights" / model, folder / Path(model).name)
     screen.ask(f"bpy.context.scene.anyface.model_folder = {str(folder)!r}")
     show(screen, "Models", suffix="_b")

@@ -60,27 +60,39 @@ class EarClip(Entry):
 
 
 def load(
-    data: Path, cache: Path, sources: list[str], layers: list[int], minutes: float = 5.0
+    data: Path,
+    cache: Path,
+    sources: list[str],
+    layers: list[int],
+    minutes: float = 5.0,
+    limit: int | None = None,
 ) -> list[EarClip]:
     """Clips of `sources` (see `every_source`) with the outputs of `layers` of Whisper, [voices, K, 2 T, C].
 
-    Each source is read from its cache file if there is one.
+    Each source is read from its cache file if there is one. With a `limit`, only so many clips of each source
+    with recorded motion are heard, and as many held-out ones, and none are kept.
     """
     places, clips = [LAYERS.index(layer) for layer in layers], []
-    for clip in _every_layer(data, cache, sources, minutes):
+    for clip in _every_layer(data, cache, sources, minutes, limit):
         clip.heard = clip.heard[:, places]
         clips.append(clip)
     return clips
 
 
-def _every_layer(data: Path, cache: Path, sources: list[str], minutes: float) -> Iterator[EarClip]:
+def _every_layer(
+    data: Path, cache: Path, sources: list[str], minutes: float, limit: int | None = None
+) -> Iterator[EarClip]:
     trunk, espeak = functools.cache(load_trunk), functools.cache(Espeak)
     weights = hashlib.sha256(read_bytes(SHIPPED_TRUNK)).hexdigest()
     for source in sources:
+        hear = functools.partial(_hear, data, source, trunk, espeak, minutes, limit)
+        if limit is not None and source in bank.READERS:
+            yield from hear()
+            continue
         kokoro = kokoro_count(data) if source == "kokoro" else []
         name = digest(VERSION, weights, bank.VERSION, LAYERS, COPIES.get(source, 0), minutes, *kokoro)
         path = cache / f"ear-{source}-{name}.pt"
-        yield from cached(path, EarClip, functools.partial(_hear, data, source, trunk, espeak, minutes))
+        yield from cached(path, EarClip, hear)
 
 
 def for_systems(arguments, layers: list[int]) -> Iterator[EarClip]:
@@ -97,8 +109,8 @@ def for_systems(arguments, layers: list[int]) -> Iterator[EarClip]:
         left |= {s for s in every_source() if s not in bank.READERS}
     teacher, random = Teacher.load(), np.random.default_rng(0)
     for source in (s for s in every_source() if s not in left):
-        clips = load(arguments.data, arguments.cache, [source], layers, arguments.minutes)
-        for clip in bank.few(clips, arguments.limit):
+        own = (arguments.data, arguments.cache, [source], layers, arguments.minutes, arguments.limit)
+        for clip in bank.few(load(*own), arguments.limit):
             if source not in bank.READERS:
                 clip.name, clip.source = f"{source}/{clip.name.split('/')[-1]}", spoken.SOURCE
                 if source != SILENCE:
@@ -112,8 +124,8 @@ def recorded(arguments, layers: list[int]) -> Iterator[EarClip]:
         yield from of_folders(arguments, layers)
         return
     for source in bank.READERS:
-        clips = load(arguments.data, arguments.cache, [source], layers)
-        yield from bank.few(clips, getattr(arguments, "limit", None))
+        limit = getattr(arguments, "limit", None)
+        yield from load(arguments.data, arguments.cache, [source], layers, limit=limit)
 
 
 def of_folders(arguments, layers: list[int]) -> Iterator[EarClip]:
@@ -150,10 +162,11 @@ def _hear(
     opened: Callable[[], WhisperEncoder],
     espeak: Callable[[], Espeak],
     minutes: float,
+    limit: int | None,
 ) -> Iterator[EarClip]:
     trunk, random = opened(), np.random.default_rng(5)
     if source in bank.READERS:
-        clips = bank.READERS[source](data)
+        clips = bank.few(bank.READERS[source](data), limit)
         known = bank.spoken(data, source, {clip.name for clip in clips})
         for clip in clips:
             entry = bank.entry_in_voices(clip, known.get(clip.name), 1, random)
@@ -161,7 +174,7 @@ def _hear(
         return
     for utterance in utterances(data, source, espeak, minutes):
         is_timed = utterance.phones is not None
-        entry = spoken.entry(utterance if is_timed else replace(utterance, phones=[]), None, random)
+        entry = spoken.entry(utterance if is_timed else replace(utterance, phones=[]))
         if not is_timed:
             entry.phones.fill_(bank.UNKNOWN)
         if source == SILENCE:

@@ -10,8 +10,7 @@ from training.corpus.lessons import Lesson
 from training.corpus.windows import BANDS, AugmentOptions, WindowSampler
 from training.losses import SCALE_M
 from training.speech.causal import Heard, StreamConfig, nothing_heard
-from training.speech.compact import ACTIVE_QUANTILE, SCALE, clip_colour
-from training.speech.log_mel import FLOOR, SAMPLE_RATE_HZ, log_mel
+from training.speech.log_mel import ACTIVE_QUANTILE, FLOOR, SAMPLE_RATE_HZ, SCALE, clip_colour, log_mel
 from training.systems.freetalk.ats import neutral_affect
 
 DIMS = 204

@@ -58,9 +58,11 @@ def load(arguments, limit: int | None = None) -> list[Lesson]:
         groups[str(folder)] = lambda folder=folder: of_folder(folder, sounds, arguments.ear)
     weights = sum(float(x.detach().double().abs().sum()) for x in load_ear(arguments.ear).parameters())
     lessons = []
-    for name, read in groups.items():
-        key = digest(VERSION, bank.VERSION, name, sounds, limit, arguments.voices, weights)
-        lessons += cached(arguments.cache / f"lessons-{key}.pt", Lesson, read)
+    # A student starts from the same weights whether its lessons are made now or read.
+    with torch.random.fork_rng(devices=[]):
+        for name, read in groups.items():
+            key = digest(VERSION, bank.VERSION, name, sounds, limit, arguments.voices, weights)
+            lessons += cached(arguments.cache / f"lessons-{key}.pt", Lesson, read)
     return lessons
 
 

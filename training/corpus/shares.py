@@ -1,15 +1,7 @@
 """The sources of a training run, corpus folders or the project's own, and how often each is drawn."""
 
-from training.corpus import bank
 from training.corpus.bank import Entry
 from training.losses import SCALE_M, lip_scale
-
-
-def entries_of(arguments, voices: int, limit: int | None) -> list[Entry]:
-    """Entries of the corpus folders in `--corpus`, or of the project's own sources if there are none."""
-    if arguments.corpus:
-        return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
-    return bank.load(arguments.data, arguments.cache, voices, limit=limit)
 
 
 def lasting(entries: list[Entry]) -> dict[str, float]:

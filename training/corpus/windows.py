@@ -9,7 +9,7 @@ from torch import Tensor
 
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
-from training.speech.compact import DEEPEST, SCALE, clip_colour
+from training.speech.log_mel import DEEPEST, SCALE, clip_colour
 from training.systems.freetalk.ats import neutral_affect
 
 BANDS = 64

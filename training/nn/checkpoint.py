@@ -27,7 +27,7 @@ EXACT = (
 """Names of arrays that stay f32 in every model: statistics, and vertex numbers."""
 SCALE = ".scale"
 """The scales of an 8-bit matrix are stored under the matrix's name with this ending."""
-HALF = ("compact_speech.", "facetalk_compact.identity.", "head_topology.", "stm_paper.")
+HALF = ("facetalk_compact.identity.", "head_topology.", "stm_paper.")
 """Arrays whose name MODEL.ARRAY begins with one of these stay f16 in shipped models.
 
 docs/training.md says why.

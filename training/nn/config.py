@@ -31,6 +31,6 @@ def _read(kind: Any, value: Any) -> Any:
 class SpeechInput:
     """Which encoder feeds a model; `transformer_fps` is for `training.speech.hubert.HubertFeatures`."""
 
-    encoder: str = "compact_speech"
+    encoder: str = "ear"
     channels: int = 192
     transformer_fps: float | None = None

@@ -17,8 +17,18 @@ from torch import Tensor, nn
 
 from training.nn.checkpoint import load_model, read_model
 from training.nn.config import Config
-from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
-from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
+from training.speech.log_mel import (
+    ACTIVE_RANGE,
+    BANDS,
+    DEEPEST,
+    FLOOR,
+    FRAME,
+    HOP,
+    QUIETEST_LEVEL,
+    SAMPLE_RATE_HZ,
+    SCALE,
+    log_mel,
+)
 
 MEL_PER_FRAME = 4
 STEM_TAPS = 5

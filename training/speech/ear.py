@@ -16,7 +16,7 @@ from training import shipped
 from training.machine import in_bfloat16
 from training.nn.checkpoint import load_model, restored
 from training.nn.config import Config
-from training.speech.compact import ResidualBlock
+from training.nn.residual_block import ResidualBlock
 from training.speech.whisper import WhisperEncoder, decades, decades_of_power, load_trunk
 
 NAME = "ear"

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from training.nn.checkpoint import read_model, restored
 from training.nn.config import Config
-from training.speech.compact import CompactConfig, CompactEncoder
+from training.nn.residual_block import ResidualBlock
 from training.speech.log_mel import BANDS
 from training.systems.emoface.emotion_encoder import (
     ACTIVE_NEPERS,
@@ -77,16 +77,36 @@ def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Te
     return torch.cat([bands, pitch[..., None], periodic[..., None]], dim=-1), active.to(mel.dtype)
 
 
+class Convolutions(nn.Module):
+    """[B, T, 66] at 100 Hz → [B, ⌈⌈T/2⌉/2⌉, C] at 25 Hz."""
+
+    def __init__(self, config: EmotionEarConfig):
+        super().__init__()
+        channels = config.channels
+        self.stem = nn.Conv1d(INPUTS, channels, 5, stride=2, padding=2)
+        self.fine = nn.ModuleList(ResidualBlock(channels, d) for d in config.fine_dilations)
+        self.down = nn.Conv1d(channels, channels, 3, stride=2, padding=1)
+        self.coarse = nn.ModuleList(ResidualBlock(channels, d) for d in config.coarse_dilations)
+        self.norm = nn.LayerNorm(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[B, T, 66] → [B, T', C]."""
+        x = F.gelu(self.stem(x.transpose(1, 2))).transpose(1, 2)
+        for block in self.fine:
+            x = block(x)
+        x = F.gelu(self.down(x.transpose(1, 2))).transpose(1, 2)
+        for block in self.coarse:
+            x = block(x)
+        return self.norm(x)
+
+
 class EmotionEarNet(nn.Module):
     """Windows of 10 ms frames → a prediction of Whisper's layers for them, [B, told]."""
 
     def __init__(self, config: EmotionEarConfig):
         super().__init__()
         self.config = config
-        sizes = CompactConfig(bands=INPUTS, channels=config.channels,
-                              fine_dilations=config.fine_dilations,
-                              coarse_dilations=config.coarse_dilations)  # fmt: skip
-        self.encoder = CompactEncoder(sizes)
+        self.encoder = Convolutions(config)
         self.inner = nn.Linear(2 * config.channels, config.hidden)
         self.outer = nn.Linear(config.hidden, config.told)
 

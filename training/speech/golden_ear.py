@@ -5,9 +5,8 @@ from pathlib import Path
 
 import torch
 
-from training.goldens import write_golden
+from training.goldens import randomise_norms, write_golden
 from training.speech.ear import EarBody, debug_config, ear_mel
-from training.speech.golden_compact import randomise_norms
 from training.speech.whisper import BANDS, CONTEXT, SPAN, WhisperConfig, WhisperEncoder, sinusoids
 
 LAYERS, HEADS = 2, 2

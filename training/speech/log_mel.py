@@ -1,4 +1,4 @@
-"""Log-mel spectrogram of 16 kHz mono speech: the input of the compact encoder."""
+"""Log-mel spectrogram of 16 kHz mono speech: the input of the causal students."""
 
 import numpy as np
 import torch
@@ -13,6 +13,12 @@ BANDS = 64
 LOW_HZ = 50.0
 HIGH_HZ = 7600.0
 FLOOR = 1e-6
+ACTIVE_QUANTILE, ACTIVE_RANGE = 0.95, 4.0
+"""Frames are active, that is the voice, within this many nepers of this quantile of the levels."""
+QUIETEST_LEVEL = -9.0
+"""The quietest mean level that counts as a voice, nepers."""
+DEEPEST, SCALE = -12.0, 4.0
+"""Lower bound and divisor of a log-mel from which the colour was subtracted."""
 
 
 def hertz_to_mel(hertz):
@@ -57,3 +63,20 @@ def power_spectrum(samples: Tensor) -> Tensor:
 def log_mel(samples: Tensor) -> Tensor:
     """ln(max(mel power, 1e-6)) at 100 frames a second, [S] in −1 … 1 → [1 + S // 160, 64]."""
     return (power_spectrum(samples) @ mel_filters()).clamp_min(FLOOR).log()
+
+
+def normalise(mel: Tensor) -> Tensor:
+    """Removes loudness, microphone and voice colour from one clip, [T, 64] → [T, 64]."""
+    return (mel - clip_colour(mel)).clamp_min(DEEPEST) / SCALE
+
+
+def clip_colour(mel: Tensor) -> Tensor:
+    """The mean [64] of each band over the active frames of a raw log-mel [T, 64].
+
+    The level of a frame is its mean over bands. If the mean of the result is under `QUIETEST_LEVEL`, all are
+    raised together to it: near-silence stays silent instead of being amplified.
+    """
+    level = mel.mean(dim=1)
+    active = level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
+    colour = mel[active].mean(dim=0)
+    return colour + (QUIETEST_LEVEL - colour.mean()).clamp_min(0.0)

@@ -24,7 +24,7 @@ from training.corpus.phones import PAUSE, Phone, split
 from training.engine import Engine
 from training.flags import run_command
 from training.losses import FEATURES
-from training.speech.compact import ACTIVE_QUANTILE, ACTIVE_RANGE
+from training.speech.log_mel import ACTIVE_QUANTILE, ACTIVE_RANGE
 
 LEAST_FRAMES = 10
 ROUNDING = 1e-4

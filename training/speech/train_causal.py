@@ -24,7 +24,7 @@ from training.corpus.lessons import Lesson, silence, taught_by
 from training.corpus.split import leave_clips
 from training.machine import in_bfloat16
 from training.nn.checkpoint import save
-from training.run import descend, seeded, trainer_parser
+from training.run import begin_student, descend, seeded, trainer_parser
 from training.speech.causal import (
     StreamConfig,
     StreamNet,
@@ -34,7 +34,6 @@ from training.speech.causal import (
     normalise_running,
     perform,
 )
-from training.speech.train import start
 from training.systems.freetalk.train_stream import prior_of
 
 HELD_OUT_CLIPS = 30
@@ -100,7 +99,7 @@ def train(arguments) -> Path:
     arguments.out.mkdir(parents=True, exist_ok=True)
     model = new_model(arguments, clips)
     sampler = LessonSampler(clips, shares_of(clips), arguments.seed, model.config, at_rest)
-    run = start(arguments, model, {"windows": sampler.random}, 0.99)
+    run = begin_student(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:

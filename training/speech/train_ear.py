@@ -22,7 +22,7 @@ from training.corpus.split import leave_clips
 from training.corpus.spoken import SOURCE
 from training.corpus.teacher import Teacher
 from training.losses import SCALE_M, feature_concordance, landmark_weights, motion_loss, source_scale
-from training.machine import Machine
+from training.machine import in_bfloat16
 from training.run import begin, descend, seeded, trainer_parser
 from training.speech.ear import FRAMES_EACH, EarBody, EarConfig
 from training.speech.strangers import scores
@@ -119,14 +119,14 @@ def group(clip: EarClip) -> str:
     return clip.source if clip.source in SHARES else SOURCE
 
 
-def loss_of(model: EarToMotion, batch: EarBatch, sources: list[str], weight: Tensor, machine: Machine):
+def loss_of(model: EarToMotion, batch: EarBatch, sources: list[str], weight: Tensor):
     """Loss of one batch: motion, concordance and phones. Silence is at rest in every read-out."""
     names = [sources[int(i)] for i in batch.source]
     silent = torch.randint(0, len(model.readouts), (len(names),))
     index = torch.tensor([READOUTS.get(name, int(other)) for name, other in zip(names, silent, strict=True)])
     scale = source_scale(sources, batch.source, SCALE_M | {SILENCE: SCALE_M["grid_s1"]})
     noise = NOISE * model.encoder.deviation[:, None] * torch.randn_like(batch.heard.float())
-    with machine.autocast():
+    with in_bfloat16():
         features = model.encoder(batch.heard.float() + noise)
         prediction = model.read_out(features, index).float()
         said = model.phones.loss(features, batch.phones)
@@ -170,7 +170,6 @@ def phones_right(model: EarToMotion, clip: EarClip) -> Tensor:
 def train(arguments) -> Path:
     """Runs the training and returns the checkpoint's path."""
     seeded(arguments)
-    machine = Machine("cpu", "bfloat16")
     left = {*arguments.leave_speech, *ear.UNTIMED}
     names = [s for s in ear.every_source() if s not in left]
     config = EarConfig(taps=arguments.taps)
@@ -191,7 +190,7 @@ def train(arguments) -> Path:
 
     def loss(_step: int) -> tuple[Tensor, dict[str, float]]:
         batch = sampler.batch(arguments.batch, arguments.frames)
-        return loss_of(model, batch, sampler.sources, weight, machine)
+        return loss_of(model, batch, sampler.sources, weight)
 
     averaged = descend(arguments, run, loss, lambda x: validate(x, clips))
     path = arguments.out / "ear.pt"

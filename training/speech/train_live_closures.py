@@ -26,7 +26,7 @@ from training.corpus.lessons import Lesson, silence, taught_by
 from training.corpus.split import leave_clips
 from training.machine import in_bfloat16
 from training.nn.checkpoint import save
-from training.run import descend, seeded
+from training.run import begin_student, descend, seeded
 from training.speech import train_causal
 from training.speech.causal import (
     StreamConfig,
@@ -40,7 +40,6 @@ from training.speech.causal import (
 )
 from training.speech.evaluate_phones import read_phones
 from training.speech.phones import PARTS, PhoneReadout
-from training.speech.train import start
 from training.systems.freetalk.train_stream import prior_of
 
 CLOSED, SURE = 0.35, 0.2
@@ -207,7 +206,7 @@ def train(arguments) -> Path:
     model = new_model(arguments, clips)
     shares = train_causal.shares_of(clips)
     sampler = LessonSampler(clips, shares, arguments.seed, model.config, at_rest)
-    run = start(arguments, model, {"windows": sampler.random}, 0.99)
+    run = begin_student(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:

@@ -163,7 +163,6 @@ def test_what_is_exported_is_what_the_config_says(tmp_path):
     weights = load_file(folder / "model.safetensors")
     assert weights["emotions"].shape == (len(EMOTIONS), 64)
     assert weights["mean"].dtype == torch.float32 and weights["head.weight"].dtype == torch.float16
-    assert (tmp_path / "models/compact_speech/config.json").exists()
 
 
 def test_every_unit_has_channels_and_shares_none_but_its_sides():
@@ -253,4 +252,4 @@ def test_the_recipe_of_the_paper_is_what_its_appendix_says(tmp_path):
 
 def test_the_shipped_model_is_loaded_with_the_shipped_encoder():
     loaded = stored.load(shipped("cafe_talk_compact"))
-    assert loaded.encoder is not None and loaded.config.speech.encoder == "compact_speech"
+    assert loaded.encoder is not None and loaded.config.speech.encoder == "ear"

@@ -1,4 +1,4 @@
-"""Facts about closing lips and about reading phones from posteriors."""
+"""Facts about closing lips."""
 
 import numpy as np
 import torch
@@ -16,10 +16,8 @@ from training.corpus.closures import (
     lips_closed,
     narrowed,
 )
-from training.corpus.decoded import align, decode
 from training.corpus.phones import SEGMENTS
 from training.losses import lip_gap
-from training.speech.train_closure import closed_share
 
 
 def open_mouth(frames: int, gap_m: float = 0.01) -> np.ndarray:
@@ -72,38 +70,3 @@ def test_a_closure_counts_only_in_its_own_frames():
     opening[10] = 0.0
     assert closures_met(opening, phones) == [True]
     assert closures_met(opening.roll(6), phones) == [False]
-
-
-def test_lips_close_before_the_sound():
-    phones = torch.zeros((1, 80), dtype=torch.long)
-    phones[0, 40:48] = SEGMENTS.index("b")
-    share = closed_share(phones)[0]
-    assert share[10] == share[11] == 1.0
-    assert 0.0 < share[9] < 1.0
-    assert share[7] == share[13] == 0.0
-
-
-def posteriors(labels: str, sure: float = 0.8) -> np.ndarray:
-    """Log-posteriors [T, segments] that are fairly sure of one letter a frame."""
-    p = np.full((len(labels), len(SEGMENTS)), (1.0 - sure) / len(SEGMENTS))
-    for t, label in enumerate(labels):
-        p[t, SEGMENTS.index(label)] += sure
-    return np.log(p)
-
-
-def test_decoding_ignores_single_frames():
-    phones, confidence = decode(posteriors("____mmmmmmaaaaataaaaa____"))
-    assert [p.label for p in phones] == ["_", "m", "a", "_"]
-    np.testing.assert_allclose(phones[1].start_s, 0.04)
-    assert -1.0 < confidence < 0.0
-
-
-def test_alignment_keeps_the_order_of_the_text_and_finds_its_times():
-    phones, _ = align(posteriors("___mmmmaaaaa__pppppiiii__"), ["m", "a", "p", "i"])
-    assert [p.label for p in phones] == ["_", "m", "a", "_", "p", "i", "_"]
-    np.testing.assert_allclose([p.start_s for p in phones[1:]], [0.03, 0.07, 0.12, 0.14, 0.19, 0.23])
-
-
-def test_alignment_may_skip_what_was_not_said():
-    phones, _ = align(posteriors("mmmmmaaaaaiiiii", sure=0.99), ["m", "a", "t", "i"])
-    assert "t" not in [p.label for p in phones]

@@ -11,7 +11,6 @@ from training.corpus.phones import SEGMENTS, Phone
 from training.losses import lip_gap
 from training.speech import strangers
 from training.speech.ear import EarBody, debug_config, ear_mel
-from training.speech.fold import feature_map, features_of, folded, with_styles
 from training.speech.train_ear import EarSampler, EarToMotion, phones_right
 
 WIDTH = 8
@@ -93,32 +92,6 @@ def test_scores_take_loudness_out():
     assert min(perfect["gap r"], perfect["gap speech"], perfect["gap beyond"]) > 0.999
     assert abs(perfect["gap slope"] - 1.0) < 1e-5
     assert loud["gap r"] > 0.7 and abs(loud["gap beyond"]) < 0.2
-
-
-def test_a_model_hears_another_encoder_as_its_own():
-    torch.manual_seed(1)
-    config = replace(debug_config(), width=WIDTH)
-    old, new = (EarBody(config).eval() for _ in range(2))
-    new.load_state_dict(old.state_dict())
-    with torch.no_grad():
-        new.norm.weight.copy_(torch.linspace(0.5, 2.0, 16))
-        new.norm.bias.copy_(torch.randn(16))
-    clips = [clip(str(n), "grid_s1", 60, n) for n in range(6)]
-    matrix, shift, met = feature_map(old, new, clips)
-    assert met > 0.999
-    layer = torch.nn.Linear(16, 5)
-    state = {f"mem_proj.{name}": value for name, value in layer.state_dict().items()}
-    state = folded(state, "mem_proj", matrix, shift)
-    heard = features_of(new, clips[0]) @ state["mem_proj.weight"].T + state["mem_proj.bias"]
-    torch.testing.assert_close(heard, layer(features_of(old, clips[0])), atol=2e-2, rtol=0)
-
-
-def test_a_source_that_a_model_lacks_gets_the_style_of_grid_s1():
-    table = torch.arange(8.0).reshape(4, 2)
-    styles = ["grid_s1", "facegood_zh", "taught", "any"]
-    state, config = with_styles({"style.weight": table}, {"styles": styles})
-    assert config["styles"] == ["grid_s1", "grid_five", "facegood_zh", "taught", "any"]
-    assert state["style.weight"].tolist() == table[[0, 0, 1, 2, 3]].tolist()
 
 
 def test_closures_are_met_or_false_where_they_stand():

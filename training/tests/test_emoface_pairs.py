@@ -183,9 +183,7 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
     assert all(torch.equal(value, again[name]) for name, value in whole.items())
 
     models = run.parent / train.MODELS
-    names = {"compact": {"compact_speech", "emotion_encoder"}, "checkpoints": {"wav2vec2", "emotion_hubert"}}[
-        kind
-    ]
+    names = {"compact": {"ear", "emotion_encoder"}, "checkpoints": {"wav2vec2", "emotion_hubert"}}[kind]
     assert {path.name for path in models.iterdir()} == names
     model, saved = folder_scores.face_of(run)
     arguments = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run)])

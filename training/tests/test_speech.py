@@ -1,4 +1,4 @@
-"""Facts about the log-mel front end and the compact encoder."""
+"""Facts about the log-mel front end and HuBERT."""
 
 import math
 from pathlib import Path
@@ -11,9 +11,8 @@ from safetensors.torch import load_file, save_file
 
 from training.corpus.revoice import revoice, voicing
 from training.speech import golden_instants
-from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
 from training.speech.hubert import HubertFeatures, at_motion_frames, encode, instants
-from training.speech.log_mel import HOP, hertz_to_mel, log_mel, mel_filters, power_spectrum
+from training.speech.log_mel import HOP, hertz_to_mel, log_mel, mel_filters, normalise, power_spectrum
 
 GOLDENS = Path(__file__).resolve().parents[2] / "tests/goldens"
 
@@ -67,24 +66,6 @@ def test_normalisation_removes_loudness():
 
 def test_silence_stays_far_below_speech():
     assert (normalise(log_mel(torch.zeros(16000))) < -1.0).all()
-
-
-def test_encoder_runs_at_its_rate_and_size():
-    encoder = CompactEncoder(CompactConfig())
-    assert sum(p.numel() for p in encoder.parameters()) < 1.5e6
-    small = CompactEncoder(debug_config())
-    for frames in (1, 2, 3, 4, 5, 100, 101):
-        assert small(torch.zeros(1, frames, 64)).shape[1] == math.ceil(math.ceil(frames / 2) / 2)
-
-
-def test_feature_sees_the_sound_of_its_own_time():
-    torch.manual_seed(1)
-    encoder = CompactEncoder(debug_config()).eval()
-    mel = torch.randn(1, 160, 64)
-    changed = mel.clone()
-    changed[0, 80] += 5.0
-    difference = (encoder(changed) - encoder(mel)).abs().sum(dim=2)[0]
-    assert int(difference.argmax()) == 20
 
 
 def test_fundamental_of_a_pulse_train_is_found():

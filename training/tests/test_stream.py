@@ -18,8 +18,7 @@ from training.speech.causal import (
     nothing_heard,
     speak,
 )
-from training.speech.compact import normalise
-from training.speech.log_mel import log_mel
+from training.speech.log_mel import log_mel, normalise
 from training.systems.freetalk import train_stream
 from training.systems.freetalk.ats import AtsDenoiser
 from training.systems.freetalk.ats import debug_config as debug_ats
@@ -174,6 +173,6 @@ def test_a_finished_student_is_measured(lessons, model, tmp_path, monkeypatch, c
 
 
 def test_a_run_without_takes_is_sampled_as_the_shipped_model(tmp_path):
-    save(tmp_path / "ats.pt", AtsDenoiser(debug_ats()), encoder=None, encoder_config=None)
+    save(tmp_path / "ats.pt", AtsDenoiser(debug_ats()))
     sampling = full_model(tmp_path / "ats.pt")[1].denoiser.config.sampling
     assert sampling == load_models()[1].config.sampling

@@ -54,7 +54,7 @@ def test_every_ats_trains_and_exports(corpus, tmp_path, name):
     more = ["--hubert", str(tmp_path / "hubert")] if name == "paper" else []
     config = exported(run(corpus, tmp_path / "run", "--config", name, *more), tmp_path / "models", name)
     assert config.styles == ["made_up", "any"] and config.emotion == "learned"
-    expected = {"debug": ("compact_speech", 16), "compact": ("ear", 192), "paper": ("hubert", 32)}
+    expected = {"debug": ("ear", 192), "compact": ("ear", 192), "paper": ("hubert", 32)}
     assert (config.speech.encoder, config.speech.channels) == expected[name]
 
 

@@ -8,7 +8,7 @@ use crate::{
     annotation::{Annotation, Symbols, Tier},
     audio::Waveform,
     job::{ProgressFn, SILENT},
-    speech::Heard,
+    speech::{Heard, Script},
 };
 
 impl Engine {
@@ -21,15 +21,18 @@ impl Engine {
     }
 
     /// Like [`Engine::listen`], with an added tier of phones and, if there is a `text`, a tier of
-    /// its words. Only the tier of closures says when the lips close. It is the same as the one
-    /// from [`Engine::listen`].
+    /// its words. Only the tier of closures says when the lips close. With a text they close for its
+    /// p, b and m, as in a performance of that text ([`Script::Text`]).
     ///
     /// # Errors
     /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
-            let heard = self.hear(waveform, SILENT)?;
+            let mut heard = self.hear(waveform, SILENT)?;
             let said = self.phone_model.get()?.said(heard.sound(), text)?;
+            if let Some(text) = text {
+                heard.follow(&Script::Text(text.to_owned()))?;
+            }
             let mut annotation = closures_of(&heard);
             for tier in &mut annotation.tiers {
                 tier.symbols = Symbols::Closures;

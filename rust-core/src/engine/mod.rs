@@ -32,7 +32,7 @@ use crate::{
     motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
-    speech::{self, EmotionEar, PhoneModel, SpeechEncoder, UserEar},
+    speech::{self, EmotionEar, PHONE_MODEL, PhoneModel, SpeechEncoder, UserEar},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
@@ -172,16 +172,11 @@ impl Engine {
         let system = (registration.open)(folder)?;
         let checkpoint = options.speech.as_deref();
         let input = system.description().speech;
-        let name = input.map_or(speech::EAR_MODEL.name, |input| &input.encoder);
-        let built_in = match name == speech::COMPACT_MODEL.name {
-            true => &speech::COMPACT_MODEL,
-            false => &speech::EAR_MODEL,
-        };
-        let encoder = Opened::of(built_in, folder, || {
+        let encoder = Opened::of(&speech::EAR_MODEL, folder, || {
             Ok(Arc::from(speech::open(input, checkpoint, folder)?))
         })?;
-        let phone_model = Opened::of(PhoneModel::built_in(name), folder, || {
-            PhoneModel::open(folder, name).map(Arc::new)
+        let phone_model = Opened::of(&PHONE_MODEL, folder, || {
+            PhoneModel::open(folder).map(Arc::new)
         })?;
         Ok(Engine {
             registration,

@@ -191,6 +191,9 @@ impl Engine {
             let neutral_voice = self.neutral_voice(request, progress)?;
             let mut heard = self.hear(waveform, progress)?;
             heard.neutral_voice = neutral_voice;
+            if let Some(script) = &request.script {
+                heard.follow(script)?;
+            }
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }

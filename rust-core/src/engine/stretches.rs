@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use super::{Engine, Performance};
 use crate::{
-    Result,
+    Error, Result,
     audio::{SAMPLE_RATE_HZ, SoundFile, WHOLE_S},
     job::{Progress, ProgressFn},
     motion::{Life, Motion, MotionRequest, Stretch},
-    speech::{HeardEmotion, frames_of},
+    speech::{HeardEmotion, Script, frames_of},
     spread::Movement,
 };
 
@@ -24,6 +24,8 @@ const STRETCH_S: f64 = 300.0;
 const AROUND_S: f64 = 30.0;
 /// Length of sound that two neighbouring stretches share.
 const OVERLAP_S: f64 = 2.0;
+/// The seeds of two neighbouring stretches are so far apart.
+const SEEDS: u64 = 1 << 32;
 /// One motion fades into the next over this time, in the middle of the overlap.
 const BLEND_S: f64 = 1.0;
 /// A cut looks for this many consecutive quiet hops of 10 ms.
@@ -106,6 +108,12 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         self.check(request)?;
+        if stretches.len() > 1 && matches!(request.script.as_deref(), Some(Script::Text(_))) {
+            return Err(Error::InvalidInput(format!(
+                "text: expected times of its words for a sound longer than {WHOLE_S} s, got none; `anyface sounds \
+                 --text` finds them, and its result goes into --sounds"
+            )));
+        }
         let (fps, levels) = (request.fps, sound.levels);
         // The ends are rounded outwards, so that each stretch of sound has all its frames and
         // perhaps one more.
@@ -129,7 +137,7 @@ impl Engine {
                 progress(Progress { fraction, ..p })
             };
             let mut request = request.after_second(frames.start as f64 / fps);
-            request.seed = request.seed.wrapping_add(number as u64);
+            request.seed = request.seed.wrapping_add(SEEDS * number as u64);
             request.starts_from = request.starts_from.filter(|_| number == 0);
             let part = Part::of(self.perform(&waveform, &request, &share)?, frames.start);
             drop(waveform);

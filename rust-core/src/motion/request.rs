@@ -5,7 +5,7 @@ use std::{ops::RangeInclusive, sync::Arc};
 use crate::{
     Error, Result,
     conditions::{Controls, EmotionCurve, Event},
-    speech::VoiceTrack,
+    speech::{Script, VoiceTrack},
 };
 
 use super::Pose;
@@ -41,6 +41,10 @@ pub struct MotionRequest {
     /// The times at which the lips are together, `[start_s, end_s]` in rising order. They replace
     /// the times found in the sound; see [`crate::annotation::Annotation::closures`].
     pub closures: Option<Vec<[f64; 2]>>,
+    /// What is said in the sound, as far as it is known. Lips, tongue and shapes of the mouth then
+    /// follow its phones; `closures` still replaces the times at which lips close. For systems with the
+    /// built-in ear.
+    pub script: Option<Arc<Script>>,
     /// Events that the face has to show, in any order. They may overlap. A system that shows no
     /// events refuses them.
     pub events: Vec<Event>,
@@ -65,6 +69,7 @@ impl Default for MotionRequest {
             style: None,
             controls: Controls::default(),
             closures: None,
+            script: None,
             events: Vec::new(),
             emotion_of: None,
             neutral_voice: None,
@@ -84,14 +89,14 @@ impl MotionRequest {
     }
 
     /// The same request for the sound from `start_s` on. All times move earlier by `start_s`.
-    /// Closures and events that end before the new start are dropped.
+    /// Closures, events, words and phones that end before the new start are dropped.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> MotionRequest {
         let earlier = |[start, end]: [f64; 2]| {
             let slot = [(start - start_s).max(0.0), end - start_s];
             (slot[1] > 0.0).then_some(slot)
         };
-        let closures = self.closures.as_ref();
+        let (closures, script) = (self.closures.as_ref(), self.script.as_ref());
         let events = self.events.iter().filter_map(|event| {
             let slot_s = earlier(event.slot_s)?;
             Some(Event {
@@ -103,6 +108,7 @@ impl MotionRequest {
             emotion: self.emotion.after_second(start_s),
             controls: self.controls.after_second(start_s),
             closures: closures.map(|all| all.iter().copied().filter_map(earlier).collect()),
+            script: script.map(|script| Arc::new(script.between(start_s, f64::INFINITY))),
             events: events.collect(),
             ..self.clone()
         }

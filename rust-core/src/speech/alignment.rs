@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView1};
 
 use super::letters::Word;
 
@@ -26,8 +26,12 @@ const NEVER: f32 = 1e9;
 /// of these states and each frame.
 const REACH: usize = 1500;
 
+/// Cost of each row of a word outside the rows in which it may be said, nepers. Times that are known
+/// of a word may be wrong, so this is not [`NEVER`].
+const ASTRAY: f64 = 8.0;
+
 /// A state of a path.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
     /// Column of the emissions.
     pub(super) column: usize,
@@ -35,12 +39,31 @@ pub(super) struct State {
     pub(super) word: Option<usize>,
     /// Cost of skipping the state, nepers.
     pub(super) skip: f32,
+    /// The rows in which the word may be said.
+    pub(super) rows: Range<usize>,
+}
+
+impl State {
+    /// How likely the state is in a row, nepers.
+    fn likelihood(&self, row: usize, emission: ArrayView1<'_, f32>) -> f64 {
+        let astray = if self.rows.contains(&row) {
+            0.0
+        } else {
+            ASTRAY
+        };
+        f64::from(emission[self.column]) - astray
+    }
 }
 
 /// The states of a text: a pause, the units of a word, a pause, and so on. Words without units have
 /// no states. `pause`: the column of a pause.
 pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
-    let state = |column, word, skip| State { column, word, skip };
+    let state = |column, word, skip| State {
+        column,
+        word,
+        skip,
+        rows: 0..usize::MAX,
+    };
     let mut out = vec![state(pause, None, 0.0)];
     for (word, said) in words.iter().enumerate() {
         let count = said.units.len();
@@ -52,7 +75,7 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
                 _ => NEVER,
             };
             let unit = state(column, Some(word), cost / LEAST_ROWS as f32);
-            out.extend([unit; LEAST_ROWS]);
+            out.extend(std::iter::repeat_n(unit, LEAST_ROWS));
         }
         if count > 0 {
             out.push(state(pause, None, 0.0));
@@ -84,7 +107,7 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     // before all states.
     let mut scores: Vec<f64> = Vec::new();
     let mut window = 0..count.min(LONGEST_SKIP + 1);
-    for row in emission.rows() {
+    for (t, row) in emission.rows().into_iter().enumerate() {
         let known = backs.last().map(|back| back.first);
         let steps = window.clone().map(|state| match known {
             None => (-costs[state], 0),
@@ -92,7 +115,7 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
         });
         let (next, moves): (Vec<f64>, Vec<u8>) = steps
             .zip(&states[window.clone()])
-            .map(|((score, step), state)| (score + f64::from(row[state.column]), step))
+            .map(|((score, step), state)| (score + state.likelihood(t, row), step))
             .unzip();
         let first = window.start;
         backs.push(Back { first, moves });

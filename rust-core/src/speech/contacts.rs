@@ -1,12 +1,8 @@
-//! When the lips touch and which shapes the mouth takes, judged by the encoder and the phones.
+//! When the lips touch and which shapes the mouth takes, judged by the phones.
 
 use super::{Heard, LipClosures, LipShapes};
 
-/// Weight of the phones' log-odds. The encoder's own get the rest.
-const PHONES_SHARE: f32 = 0.45;
-/// Bias of the joint log-odds: with it, both together raise no more false closures than the encoder
-/// alone.
-const EARLIER: f32 = 1.5;
+/// Smallest probability whose log-odds count.
 const LEAST: f32 = 1e-5;
 /// Log-odds that [`LipClosures`] takes for a full closure, less than even ones. Rows with even odds were
 /// counted in training's evaluation; the card of `phones` has precision and recall.
@@ -25,33 +21,18 @@ pub struct LipContacts {
 
 impl Heard {
     /// When the lips touch. `intervals`: `[start_s, end_s]` of closed lips, which replace those of
-    /// the sound.
-    ///
-    /// The phones find p, b, m, together with an encoder that has a read-out of its own for them
-    /// ([`super::SpeechEncoder::closed_lips`]). Only the phones find f and v. If no phone model was
-    /// trained on this encoder's features, the encoder decides alone.
+    /// the sound. Without phones ([`Heard::phone_rows`]) only these close the lips.
     pub fn contacts(&self, intervals: Option<&[[f64; 2]]>) -> LipContacts {
         let rate_hz = self.track.rate_hz;
-        let features = self.features(rate_hz);
-        let closed = self.encoder.closed_lips(features.view());
-        let phones = self
-            .phones
-            .as_ref()
-            .filter(|phones| phones.hears(&self.track, self.encoder_name()));
-        let (together, at_teeth, shapes) =
-            match phones.map(|phones| phones.contacts(features.view(), rate_hz)) {
-                Some(heard) => {
-                    let together = match closed {
-                        Some(closed) => {
-                            let both = closed.iter().zip(&heard.together);
-                            both.map(|(a, b)| agreed(*a, *b)).collect()
-                        }
-                        None => heard.together.into_iter().map(sure).collect(),
-                    };
-                    (together, heard.at_teeth, heard.shapes)
-                }
-                None => (closed.unwrap_or_default(), Vec::new(), LipShapes::none()),
-            };
+        let heard = self.phone_rows();
+        let heard = heard.map(|(phones, rows)| phones.contacts(rows, rate_hz));
+        let (together, at_teeth, shapes) = match heard {
+            Some(heard) => {
+                let together: Vec<f32> = heard.together.into_iter().map(sure).collect();
+                (together, heard.at_teeth, heard.shapes)
+            }
+            None => (Vec::new(), Vec::new(), LipShapes::none()),
+        };
         let together = LipClosures::heard(&together, rate_hz);
         LipContacts {
             together: match intervals {
@@ -71,26 +52,13 @@ fn sure(phones: f32) -> f32 {
     1.0 / (1.0 + (1.0 - p) / p * EVEN.exp())
 }
 
-/// The joint probability of a closure, from the weighted sum of both log-odds and a bias.
-fn agreed(encoder: f32, phones: f32) -> f32 {
-    let odds = |p: f32| {
-        let p = p.clamp(LEAST, 1.0 - LEAST);
-        (p / (1.0 - p)).ln()
-    };
-    let sum = (1.0 - PHONES_SHARE) * odds(encoder) + PHONES_SHARE * odds(phones) + EARLIER;
-    1.0 / (1.0 + (-sum).exp())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn two_witnesses_hear_what_one_is_not_sure_of() {
-        assert!(agreed(0.1, 0.2) > 0.33 && agreed(0.3, 1e-4) < 0.2);
-        assert!(agreed(0.99, 0.9) > 0.98 && agreed(0.0, 0.0) < 1e-3);
-        assert!(agreed(1.0, 1.0) <= 1.0);
-        let rising: Vec<f32> = (1..10).map(|n| agreed(0.1 * n as f32, 0.3)).collect();
-        assert!(rising.windows(2).all(|pair| pair[0] < pair[1]));
+    fn lips_close_fully_where_phones_are_even() {
+        assert!((sure(0.5) - 0.35).abs() < 1e-2);
+        assert!(sure(0.0) < 1e-4 && sure(1.0) > 0.99);
     }
 }

@@ -8,6 +8,7 @@ mod affect;
 mod heard_emotion;
 mod layer;
 mod live;
+mod network;
 mod neutral_voice;
 mod whisper_ear;
 
@@ -20,9 +21,11 @@ use std::path::Path;
 
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
-use self::layer::{EVERY, EmotionLayer};
+use self::{
+    layer::{EVERY, EmotionLayer},
+    network::Convolutions,
+};
 use super::{
-    compact::{CompactConfig, CompactEncoder},
     emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
     log_mel::BANDS,
 };
@@ -64,7 +67,7 @@ pub struct EmotionEarConfig {
 
 /// The network and the linear layer after it.
 pub struct EmotionEar {
-    encoder: CompactEncoder,
+    encoder: Convolutions,
     inner: Linear,
     outer: Linear,
     layer: EmotionLayer,
@@ -84,16 +87,8 @@ impl EmotionEar {
         let config: EmotionEarConfig = serde_json::from_str(config)
             .map_err(|e| Error::Weights(format!("emotion_ear config.json: {e}")))?;
         let numbers = config.outputs + NUMBERS;
-        let sizes = CompactConfig {
-            model: "emotion_ear".into(),
-            bands: INPUTS,
-            channels: config.channels,
-            fine_dilations: config.fine_dilations.clone(),
-            coarse_dilations: config.coarse_dilations.clone(),
-            rate_hz: 25.0,
-        };
         Ok(EmotionEar {
-            encoder: CompactEncoder::of_weights(sizes, &weights.pp("encoder"))?,
+            encoder: Convolutions::load(&config, &weights.pp("encoder"))?,
             inner: Linear::load(&weights.pp("inner"), 2 * config.channels, config.hidden)?,
             outer: Linear::load(&weights.pp("outer"), config.hidden, config.outputs)?,
             layer: EmotionLayer::load("emotion_ear", weights, &config.emotions, numbers)?,
@@ -137,7 +132,7 @@ impl EmotionEar {
     /// The network's outputs for a window, `[outputs]`.
     fn outputs_of(&self, window: &VoiceWindow) -> Vec<f32> {
         let heard = inputs_of(window);
-        let x = self.encoder.forward_span(&heard);
+        let x = self.encoder.forward(&heard);
         let pooled = pooled(x.view(), &window.active);
         let mut hidden = self.inner.forward(&pooled.insert_axis(Axis(0)));
         gelu_all(hidden.as_slice_mut().expect("a matrix is contiguous"));

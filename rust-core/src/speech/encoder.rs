@@ -1,6 +1,6 @@
 //! What all speech encoders have in common.
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 
 use crate::{Result, audio::Waveform, job::ProgressFn, models::BuiltIn};
@@ -19,7 +19,7 @@ pub struct FeatureTrack {
 /// Which speech features a model was trained with; a part of its `config.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpeechInput {
-    /// Name of the encoder: "ear", "compact_speech", "hubert", "wav2vec2" or "whisper".
+    /// Name of the encoder: "ear", "hubert", "wav2vec2" or "whisper".
     pub encoder: String,
     /// Channels `C` of its features.
     pub channels: usize,
@@ -42,17 +42,7 @@ pub trait SpeechEncoder: Send + Sync {
     /// # Errors
     /// [`crate::Error::Audio`] if the sound is too short to encode; `Cancelled`.
     fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack>;
-
-    /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
-    /// `[T]`; `None` if the encoder was not trained to predict it.
-    fn closed_lips(&self, features: ArrayView2<'_, f32>) -> Option<Vec<f32>> {
-        let _ = features;
-        None
-    }
 }
-
-/// Built-in weights of [`super::CompactEncoder`].
-pub static COMPACT_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_SPEECH);
 
 /// Built-in weights of the trained part of [`super::Ear`].
 pub static EAR_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EAR);

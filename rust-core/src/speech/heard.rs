@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 use super::{
     EmotionEar, FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, SpeechEncoder, VoiceTrack,
@@ -46,6 +46,8 @@ pub struct Heard {
     pub neutral_voice: Option<NeutralVoice>,
     /// The emotion by the ear, computed when it is first needed.
     heard_emotion: OnceLock<HeardEmotion>,
+    /// Log-posteriors of the phones `[R, K]`, computed when they are first needed.
+    phone_rows: OnceLock<Array2<f32>>,
     /// The model that recognises phones in the features, if the engine has it.
     pub phones: Option<Arc<PhoneModel>>,
     /// Length of the sound in seconds.
@@ -77,10 +79,27 @@ impl Heard {
             ear: None,
             neutral_voice: None,
             heard_emotion: OnceLock::new(),
+            phone_rows: OnceLock::new(),
             phones: None,
             duration_s: waveform.duration_s(),
             encoder: Arc::clone(encoder),
         })
+    }
+
+    /// The phone model, and the log-posteriors `[R, K]` that it gives the sound, computed once for lips
+    /// and tongue. `None` if the engine has no such model, or none for the encoder's features.
+    pub(super) fn phone_rows(&self) -> Option<(&PhoneModel, ArrayView2<'_, f32>)> {
+        let phones = self.phones.as_ref()?;
+        if !phones.hears(&self.track, self.encoder_name()) {
+            return None;
+        }
+        let read = || phones.log_posteriors(self.track.features.view());
+        Some((phones, self.phone_rows.get_or_init(read).view()))
+    }
+
+    /// Sets the log-posteriors of the phones `[R, K]`.
+    pub(super) fn take_phone_rows(&mut self, rows: Array2<f32>) {
+        self.phone_rows = OnceLock::from(rows);
     }
 
     /// How likely each emotion is over time, by the ear. `None` if the engine has no ear or a user's

@@ -1,10 +1,9 @@
-//! Speech features: one trait and five encoders (ear, compact, HuBERT, wav2vec2, Whisper). Also finds
+//! Speech features: one trait and four encoders (ear, HuBERT, wav2vec2, Whisper). Also finds
 //! phones and words from these features.
 
 mod alignment;
 mod causal;
 mod closures;
-mod compact;
 mod contacts;
 mod conv_features;
 mod ear;
@@ -23,6 +22,7 @@ mod phones;
 mod quantile;
 mod resample;
 mod residual_block;
+mod script;
 mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
@@ -38,8 +38,6 @@ pub(crate) use causal::seconds_of;
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use closures::closure_share;
 pub use closures::{Contact, LipClosures};
-pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
-pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::LipContacts;
 pub(crate) use ear::EAR_BYTES;
 pub use ear::{Ear, EarConfig};
@@ -52,14 +50,13 @@ pub use emotion_encoder::{
 };
 pub use emotion_listener::EmotionListener;
 pub use emotion_model::EmotionModel;
-pub use encoder::{
-    COMPACT_MODEL, EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of,
-};
+pub use encoder::{EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of};
 pub use heard::Heard;
 pub use lip_shapes::{LIP_SHAPES, LipShape, LipShapes};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
-pub use phones::{COMPACT_PHONE_MODEL, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
+pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
+pub use script::Script;
 pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
 pub use user_ear::UserEar;
@@ -71,15 +68,6 @@ use crate::{
     Error, Result,
     job::{InputKind, read_text},
 };
-
-/// The compact encoder with its built-in weights, or those of `folder`.
-///
-/// # Errors
-/// Those of `BuiltIn::open` and [`CompactEncoder::load`].
-pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
-    let files = COMPACT_MODEL.open(folder)?;
-    CompactEncoder::load(&files.weights, &files.config)
-}
 
 /// The ear with its built-in weights, or those of `folder`: `whisper_trunk` and `ear`.
 ///
@@ -93,10 +81,10 @@ pub fn ear(folder: Option<&Path>) -> Result<Ear> {
 
 /// Opens the encoder that `required` names, or the ear. It is read from `checkpoint`, a
 /// Hugging Face folder, if that is given, otherwise from the folder of that name in `models`. The
-/// compact encoder and the ear are also built in.
+/// ear is also built in.
 ///
 /// # Errors
-/// Those of [`compact`], [`ear()`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
+/// Those of [`ear()`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
 /// the required one or gives another number of channels, or if there is none.
 pub fn open(
     required: Option<&SpeechInput>,
@@ -107,7 +95,6 @@ pub fn open(
     let fps = transformer_fps(required)?;
     let encoder = match (checkpoint, models) {
         (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
-        (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
         (None, _) if name == EAR_MODEL.name => Box::new(ear(models)?),
         (None, Some(models)) if models.join(name).is_dir() => {
             from_folder(&models.join(name), None, fps)?

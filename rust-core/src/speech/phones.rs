@@ -4,14 +4,15 @@
 //! four rows of posteriors for each of its frames. Row `r` belongs to second `(r − 2) / 100`. The
 //! model is loaded to find phones or words, and by systems that take lip contacts from it.
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
-use ndarray::{Array1, Array2, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis};
 
 use super::{
-    COMPACT_MODEL, FeatureTrack, LipShapes,
+    FeatureTrack, LipShapes, Script,
     alignment::{State, best_path, states_of},
     letters::Word,
+    script::{rows_of, tell},
     travel::EARLY_S,
 };
 use crate::{
@@ -32,8 +33,6 @@ const TEXT_POWER: f32 = 1.0;
 
 /// Built-in weights of [`PhoneModel`] for the ear's features.
 pub static PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::PHONES);
-/// The same for features of the compact encoder.
-pub static COMPACT_PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::COMPACT_PHONES);
 
 /// Sizes of the read-out, its classes and the units of its table, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
@@ -97,22 +96,13 @@ pub struct Said {
 }
 
 impl PhoneModel {
-    /// The model for the features of `encoder`: built in, or that of the folder in `folder`.
+    /// The built-in model, or that of the folder in `folder`.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`] and [`PhoneModel::load`].
-    pub fn open(folder: Option<&Path>, encoder: &str) -> Result<Self> {
-        let files = PhoneModel::built_in(encoder).open(folder)?;
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = PHONE_MODEL.open(folder)?;
         PhoneModel::load(&files.weights, &files.config)
-    }
-
-    /// The built-in weights for the features of `encoder`. Encoders for which there are none get
-    /// those of the ear, which then refuse their features.
-    pub(crate) fn built_in(encoder: &str) -> &'static BuiltIn {
-        match encoder == COMPACT_MODEL.name {
-            true => &COMPACT_PHONE_MODEL,
-            false => &PHONE_MODEL,
-        }
     }
 
     /// From the bytes of `model.safetensors` and the text of `config.json`.
@@ -146,23 +136,19 @@ impl PhoneModel {
         let mut rows = logits
             .into_shape_with_order((PARTS * frames, classes))
             .expect("rows of a frame lie one after the other");
-        for mut row in rows.rows_mut() {
-            let sum = log_sum_exp(row.iter().copied());
-            row -= sum;
-        }
+        rows.rows_mut().into_iter().for_each(normalise);
         rows
     }
 
-    /// The contacts of the lips in each frame of features `[T, C]`, `rate_hz` frames a second, averaged
-    /// over the frame's rows, and the shapes of the mouth.
+    /// The contacts of the lips and the shapes of the mouth, from log-posteriors `[4 T, K]` of frames at
+    /// `rate_hz` a second. Contacts are averaged over the rows of a frame.
     pub(super) fn contacts(
         &self,
-        features: ArrayView2<'_, f32>,
+        posteriors: ArrayView2<'_, f32>,
         rate_hz: f64,
     ) -> ContactProbability {
-        let posteriors = self.log_posteriors(features);
-        let vowels = self.probability(VOWELS, &posteriors);
-        let mut at_teeth = self.probability(LABIODENTALS, &posteriors);
+        let vowels = self.probability(VOWELS, posteriors);
+        let mut at_teeth = self.probability(LABIODENTALS, posteriors);
         for (t, probability) in at_teeth.iter_mut().enumerate() {
             let near = t.saturating_sub(VOWEL_FRAMES)..(t + VOWEL_FRAMES + 1).min(vowels.len());
             let vowel = vowels[near].iter().copied().fold(0.0, f32::max);
@@ -170,21 +156,17 @@ impl PhoneModel {
             *probability *= ((vowel - from) / (to - from)).clamp(0.0, 1.0);
         }
         ContactProbability {
-            together: self.probability(BILABIALS, &posteriors),
+            together: self.probability(BILABIALS, posteriors),
             at_teeth,
-            shapes: LipShapes::heard(
-                posteriors.view(),
-                &self.config.phones,
-                rate_hz * PARTS as f64,
-            ),
+            shapes: LipShapes::heard(posteriors, &self.config.phones, rate_hz * PARTS as f64),
         }
     }
 
-    fn probability(&self, phones: &[&str], posteriors: &Array2<f32>) -> Vec<f32> {
+    fn probability(&self, phones: &[&str], posteriors: ArrayView2<'_, f32>) -> Vec<f32> {
         let named = self.config.phones.iter().enumerate();
         let classes = named.filter(|(_, name)| phones.contains(&name.as_str()));
         let classes: Vec<usize> = classes.map(|(class, _)| class).collect();
-        let rows = posteriors.axis_chunks_iter(ndarray::Axis(0), PARTS);
+        let rows = posteriors.axis_chunks_iter(Axis(0), PARTS);
         let each = rows.map(|rows| {
             let sum: f32 = classes
                 .iter()
@@ -231,7 +213,10 @@ impl PhoneModel {
             duration_s,
         };
         let words = match text {
-            Some(text) => self.align(&mut likelihood, text, clock)?,
+            Some(text) => {
+                let script = Script::Text(text.to_owned());
+                self.align(&mut likelihood, &script.words(), clock)?
+            }
             None => Vec::new(),
         };
         let path = decode(likelihood.view());
@@ -239,6 +224,37 @@ impl PhoneModel {
             (*class > 0).then(|| self.config.phones[*class].clone())
         });
         Ok(Said { phones, words })
+    }
+
+    /// Log-posteriors `[R, K]` of a sound whose words or phones are known. Where the script has phones
+    /// with times, they are taken as they are.
+    ///
+    /// # Errors
+    /// Those of [`PhoneModel::said`].
+    pub(super) fn told(
+        &self,
+        (track, encoder, duration_s): (&FeatureTrack, &str, f64),
+        script: &Script,
+    ) -> Result<Array2<f32>> {
+        self.check(track, encoder)?;
+        let clock = Clock {
+            rate_hz: self.rows_per_second(track),
+            duration_s,
+        };
+        let mut rows = self.log_posteriors(track.features.view());
+        if let Script::Phones(phones) = script {
+            tell(&mut rows, phones, clock, self);
+            return Ok(rows);
+        }
+        let script = script.between(0.0, duration_s);
+        let words = script.words();
+        if matches!(script, Script::Words(_)) && words.is_empty() {
+            return Ok(rows);
+        }
+        rows -= &(PRIOR_POWER * &self.log_prior);
+        self.align(&mut rows, &words, clock)?;
+        rows.rows_mut().into_iter().for_each(normalise);
+        Ok(rows)
     }
 
     fn check(&self, track: &FeatureTrack, encoder: &str) -> Result<()> {
@@ -252,22 +268,28 @@ impl PhoneModel {
         }
     }
 
-    /// Finds the times of the words of a text. Adds the text's evidence to each row of `likelihood`
-    /// `[T, K]`.
+    /// Finds the times of words, which stay near the times that are known of them. Adds the words'
+    /// evidence to each row of `likelihood` `[T, K]`.
     fn align(
         &self,
         likelihood: &mut Array2<f32>,
-        text: &str,
+        spoken: &[(&str, Option<[f64; 2]>)],
         clock: Clock,
     ) -> Result<Vec<Interval>> {
-        let spoken: Vec<&str> = text.split_whitespace().collect();
         let units = &self.config.units;
-        let words: Vec<Word> = spoken.iter().map(|word| Word::read(word, units)).collect();
+        let words: Vec<Word> = spoken
+            .iter()
+            .map(|(word, _)| Word::read(word, units))
+            .collect();
         if words.iter().all(|word| word.units.is_empty()) {
             let message = "text: expected words that are said in the sound, got no letter";
             return Err(Error::InvalidInput(message.into()));
         }
-        let states = states_of(&words, units.len());
+        let mut states = states_of(&words, units.len());
+        for state in &mut states {
+            let span_s = state.word.and_then(|word| spoken[word].1);
+            state.rows = rows_of(span_s, clock, likelihood.nrows());
+        }
         let path = best_path(&self.emissions(likelihood), &states).ok_or_else(|| {
             Error::InvalidInput(format!(
                 "text: expected the words that are said in {:.2} s of sound, got {}, too many for it",
@@ -278,7 +300,7 @@ impl PhoneModel {
         self.weigh(likelihood, &path, &states);
         let word_of: Vec<Option<usize>> = path.iter().map(|state| states[*state].word).collect();
         Ok(intervals(&word_of, clock, |word| {
-            word.map(|word| trimmed(spoken[word]).to_owned())
+            word.map(|word| trimmed(spoken[word].0).to_owned())
         }))
     }
 
@@ -314,11 +336,11 @@ impl PhoneModel {
     }
 }
 
-/// Converts rows to times.
-#[derive(Clone, Copy)]
-struct Clock {
-    rate_hz: f64,
-    duration_s: f64,
+/// Converts rows to times, and back.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Clock {
+    pub(super) rate_hz: f64,
+    pub(super) duration_s: f64,
 }
 
 impl Clock {
@@ -326,6 +348,13 @@ impl Clock {
     fn begins(self, row: usize) -> f64 {
         let time_s = (row as f64 - 0.5) / self.rate_hz - EARLY_S;
         time_s.clamp(0.0, self.duration_s)
+    }
+
+    /// The rows of a span of time, of `count` in all.
+    pub(super) fn rows(self, span_s: [f64; 2], count: usize) -> Range<usize> {
+        let row = |time_s: f64| ((time_s + EARLY_S) * self.rate_hz + 0.5).ceil().max(0.0) as usize;
+        let [start, end] = span_s.map(|time_s| row(time_s).min(count));
+        start..end.max(start)
     }
 }
 
@@ -380,6 +409,12 @@ fn decode(likelihood: ArrayView2<'_, f32>) -> Vec<usize> {
 fn highest(scores: &[f64]) -> usize {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     best.expect("at least one class")
+}
+
+/// Makes the probabilities of a row of logits sum to 1.
+fn normalise(mut row: ArrayViewMut1<'_, f32>) {
+    let sum = log_sum_exp(row.iter().copied());
+    row -= sum;
 }
 
 fn log_sum_exp(values: impl Iterator<Item = f32> + Clone) -> f32 {

@@ -54,12 +54,10 @@ impl Heard {
     /// The tongue reaches the target of a phone at the instant at which the phone is most likely.
     pub fn tongue(&self, fps: f64) -> Array2<f32> {
         let frames = self.frames(fps);
-        let phones = self.phones.as_ref();
-        match phones.filter(|phones| phones.hears(&self.track, self.encoder_name())) {
-            Some(phones) => {
-                let posteriors = phones.log_posteriors(self.track.features.view());
+        match self.phone_rows() {
+            Some((phones, rows)) => {
                 let rate_hz = phones.rows_per_second(&self.track);
-                let targets = targets(posteriors.view(), phones);
+                let targets = targets(rows, phones);
                 travel(targets.view(), rate_hz, TRAVEL_S, frames, fps)
             }
             None => Array2::zeros((frames, TONGUE_PLACES)),
@@ -126,7 +124,7 @@ mod tests {
 
     #[test]
     fn every_phone_with_a_target_is_one_that_the_model_hears() {
-        let phones = PhoneModel::open(None, "ear").unwrap();
+        let phones = PhoneModel::open(None).unwrap();
         for name in TARGETS.iter().flat_map(|(names, _)| *names) {
             assert!(phones.classes().iter().any(|known| known == name), "{name}");
         }
@@ -134,7 +132,7 @@ mod tests {
 
     #[test]
     fn likely_phones_move_the_tongue_all_the_way_and_unlikely_ones_less() {
-        let phones = PhoneModel::open(None, "ear").unwrap();
+        let phones = PhoneModel::open(None).unwrap();
         let classes = phones.classes();
         let of = |name: &str| classes.iter().position(|known| known == name).unwrap();
         let mut posteriors = Array2::from_elem((9, classes.len()), f32::NEG_INFINITY);

@@ -80,11 +80,9 @@ impl Registration {
 /// Lists every built-in model: first those that all systems share, then those of each system.
 pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
-        &speech::COMPACT_MODEL,
         &speech::TRUNK_MODEL,
         &speech::EAR_MODEL,
         &speech::PHONE_MODEL,
-        &speech::COMPACT_PHONE_MODEL,
         &speech::EMOTION_ENCODER,
         &speech::EMOTION_EAR,
         &speech::EMOTION_OF_WHISPER,

@@ -7,14 +7,11 @@ use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT, motion::Motion,
 };
 
-/// A copy of a built-in model in `folder`, under `name`.
+/// A copy of a built-in model of FreeTalk in `folder`, under `name`.
 fn copy(folder: &Path, built_in: &str, name: &str) {
     fs::create_dir_all(folder.join(name)).unwrap();
     for file in ["config.json", "model.planes.gz"] {
-        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join(match built_in {
-            "compact_speech" => "../weights/shared",
-            _ => "../weights/freetalk",
-        });
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/freetalk");
         fs::copy(
             models.join(built_in).join(file),
             folder.join(name).join(file),
@@ -85,7 +82,7 @@ fn a_model_that_nobody_reads_is_not_passed_over() {
     let folder = tempfile::tempdir().unwrap();
     let said = complaint(folder.path());
     assert!(
-        said.contains("expected folders of models (compact_speech,"),
+        said.contains("expected folders of models (whisper_trunk,"),
         "{said}"
     );
     assert!(said.ends_with("got none"), "{said}");
@@ -110,10 +107,7 @@ fn the_speech_encoder_of_the_training_is_asked_for() {
     fs::create_dir(folder.path().join("hubert")).unwrap();
     let said = complaint(folder.path());
     assert!(said.contains("hubert/config.json"), "{said}");
-    change_config(&ats, |config| {
-        config["speech"]["encoder"] = "compact_speech".into()
-    });
-    copy(folder.path(), "compact_speech", "compact_speech");
+    change_config(&ats, |config| config["speech"]["encoder"] = "ear".into());
     change_config(&ats, |config| config["speech"]["channels"] = 768.into());
     let said = complaint(folder.path());
     assert!(said.contains("768") && said.contains("192"), "{said}");

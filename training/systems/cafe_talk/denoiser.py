@@ -107,7 +107,7 @@ def debug_config() -> CafeTalkConfig:
         heads=4,
         feedforward=48,
         style_width=8,
-        speech=SpeechInput("compact_speech", 16),
+        speech=SpeechInput("ear", 16),
         sampling=Sampling(steps=2),
     )
 

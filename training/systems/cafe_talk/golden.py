@@ -6,8 +6,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.goldens import write_golden
-from training.speech.golden_compact import randomise_norms
+from training.goldens import randomise_norms, write_golden
 from training.systems.cafe_talk.denoiser import Coarse, Denoiser, Sampling, debug_config
 from training.systems.cafe_talk.sampling import Request, sample_from
 

@@ -6,10 +6,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training import shipped
-from training.nn.checkpoint import read_model, restored
-from training.speech.compact import CompactConfig, CompactEncoder, load_encoder
-from training.speech.ear import EarBody, load_ear
+from training.nn.checkpoint import read_model
+from training.speech.ear import SHIPPED_EAR, EarBody, load_ear
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
 
 EMOTIONS = "emotions"
@@ -18,7 +16,7 @@ ADAPTER = "adapter."
 
 @dataclass
 class Stored:
-    """The denoiser's `state` in f32, `emotions` [15, E] in the text space, and the speech `encoder`.
+    """The denoiser's `state` in f32, `emotions` [15, E] in the text space, and the body of the ear.
 
     `encoder` is `None` if the speech features come from a checkpoint (HuBERT, wav2vec2, XLSR).
     """
@@ -26,7 +24,7 @@ class Stored:
     config: CafeTalkConfig
     state: dict[str, Tensor]
     emotions: Tensor
-    encoder: CompactEncoder | EarBody | None
+    encoder: EarBody | None
 
     @property
     def base(self) -> dict[str, Tensor]:
@@ -44,11 +42,8 @@ def load(path: Path) -> Stored:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: expected a cafe_talk.pt or a model folder, got nothing")
     saved = torch.load(path, map_location="cpu")
-    encoder = None
-    if saved.get("encoder_config") is not None:
-        encoder = restored(CompactEncoder(CompactConfig(**saved["encoder_config"])), saved["encoder"])
     config = CafeTalkConfig.from_json(saved["config"])
-    return Stored(config, saved["state"], saved[EMOTIONS].float(), encoder)
+    return Stored(config, saved["state"], saved[EMOTIONS].float(), ear_of(config))
 
 
 def _exported(folder: Path) -> Stored:
@@ -58,9 +53,11 @@ def _exported(folder: Path) -> Stored:
     if EMOTIONS not in state:
         raise ValueError(f"{folder}: expected a tensor {EMOTIONS!r}, got none")
     config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
-    encoder = None
-    name = config.speech.encoder
-    if name in ("compact_speech", "ear"):
-        beside = folder.parent / name if (folder.parent / name).exists() else shipped(name)
-        encoder = load_ear(beside) if name == "ear" else load_encoder(beside)
-    return Stored(config, state, emotions, encoder)
+    return Stored(config, state, emotions, ear_of(config, folder.parent / "ear"))
+
+
+def ear_of(config: CafeTalkConfig, beside: Path = SHIPPED_EAR) -> EarBody | None:
+    """The ear in `beside`, or else the shipped one; `None` for a model that listens by another encoder."""
+    if config.speech.encoder != "ear":
+        return None
+    return load_ear(beside if beside.is_dir() else SHIPPED_EAR)

@@ -114,7 +114,6 @@ class CafeTalkTrainer:
             self.model.requires_grad_(False)
             self.model.adapter.requires_grad_(True)
         self.machine.place(self.model, arguments.seed)
-        self.speech.to(self.machine.device)
 
     def parameters(self) -> list[nn.Parameter]:
         """The parameters that this stage trains."""
@@ -218,9 +217,8 @@ class CafeTalkTrainer:
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         has_speech = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
         with self.machine.autocast():
-            speech = self.speech.windows(step.mel)
             events = step.events if self.fine else None
-            predicted = self.model(noisy, t.to(device), speech, step.coarse, has_speech, events).float()
+            predicted = self.model(noisy, t.to(device), step.mel, step.coarse, has_speech, events).float()
         plain = torch.ones_like(step.visibility) if self.recipe.plain else step.visibility
         visibility = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
         if not self.recipe.plain:
@@ -314,8 +312,7 @@ def train(arguments) -> Path:
 
     def judge(averaged: Denoiser) -> dict[str, float]:
         scores = validate(trainer, averaged, arguments.validation_clips)
-        heard = trainer.speech.saved()
-        save(run.out / "cafe_talk.pt", averaged, emotions=emotions, recipe=recipe.record(), **heard)
+        save(run.out / "cafe_talk.pt", averaged, emotions=emotions, recipe=recipe.record())
         return scores
 
     descend(arguments, run, loss, judge)
@@ -368,7 +365,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
     )
-    parser.add_argument("--init", type=Path, help="cafe_talk.pt, or file of training.speech.fold")
+    parser.add_argument("--init", type=Path, help="start from this cafe_talk.pt")
     parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=12)

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import torch
 
-from training.goldens import write_golden
+from training.goldens import randomise_norms, write_golden
 from training.nn.spiral_conv import spirals
-from training.speech.golden_compact import randomise_norms
 from training.systems.emoface.model import EmoFace, Inputs, debug_config
 
 FRAMES, STYLE = 30, 1

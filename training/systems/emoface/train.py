@@ -297,7 +297,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
     )
-    parser.add_argument("--base", type=Path, help="emoface.pt to go on from, or file of training.speech.fold")
+    parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
     parser.add_argument(

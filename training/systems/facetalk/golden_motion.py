@@ -5,8 +5,7 @@ from pathlib import Path
 
 import torch
 
-from training.goldens import write_golden
-from training.speech.golden_compact import randomise_norms
+from training.goldens import randomise_norms, write_golden
 from training.systems.facetalk.motion import Denoiser, debug_config, sample_from
 
 FRAMES = 20

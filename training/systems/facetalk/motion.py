@@ -81,7 +81,7 @@ def debug_config() -> MotionConfig:
         feedforward=24,
         look_back_frames=6,
         direct=True,
-        speech=SpeechInput("compact_speech", 16),
+        speech=SpeechInput("ear", 16),
         sampling=Sampling(steps=4),
     )
 

@@ -133,7 +133,6 @@ class Trainer:
             rows = torch.cat([self.beside(self.sampler.batch(32, 48).motion.float()) for _ in range(20)])
             self.model.begin_direct(self.memory(None, rows).flatten(0, 1), self.codes.of(rows).flatten(0, 1))
         self.machine.place(self.model, arguments.seed)
-        self.speech.to(self.machine.device)
         self.codes.to(self.machine.device)
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
@@ -181,7 +180,7 @@ class Trainer:
     def memory(self, batch, weights: Tensor) -> Tensor:
         """Memory of the model, [B, T, C]: speech features, or the landmarks that `weights` move."""
         if not self.by_landmarks:
-            return self.speech.windows(batch.mel.to(self.machine.device))
+            return batch.mel.to(self.machine.device)
         moved = landmarks_of(weights)
         off = 1e-3 * UNEVEN_MM * torch.rand(len(moved), 1, 1, generator=self.random)
         moved = moved + off * torch.randn(moved.shape, generator=self.random)

@@ -108,7 +108,7 @@ def debug_config() -> AtsConfig:
         heads=4,
         feedforward=48,
         radius=4,
-        speech=SpeechInput("compact_speech", 16),
+        speech=SpeechInput("ear", 16),
     )
 
 

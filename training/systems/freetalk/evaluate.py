@@ -74,8 +74,8 @@ def joined(parts: list[EarClip]) -> EarClip:
 
 def full_model(run: Path) -> tuple[EarBody, FullModel]:
     """The ear, and a finished run with the sampling of the shipped model."""
-    body, denoiser = load_run(run)
-    denoiser.config.sampling = load_models()[1].config.sampling
+    (body, shipped), denoiser = load_models(), load_run(run)
+    denoiser.config.sampling = shipped.config.sampling
     return body, FullModel(denoiser)
 
 

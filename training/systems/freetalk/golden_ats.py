@@ -5,8 +5,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from training.goldens import write_golden
-from training.speech.golden_compact import randomise_norms
+from training.goldens import randomise_norms, write_golden
 from training.systems.freetalk.ats import AtsDenoiser, debug_config
 from training.systems.freetalk.sampling import Sampling, sample_from
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import torch
 import torch.nn.functional as F
 
-from training.goldens import write_golden
+from training.goldens import randomise_norms, write_golden
 from training.speech.causal import StreamNet, debug_config, normalise_running, speak
-from training.speech.golden_compact import randomise_norms
 from training.speech.golden_log_mel import chirp_signal
 from training.speech.log_mel import HOP, log_mel
 

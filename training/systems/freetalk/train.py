@@ -5,8 +5,8 @@
 
 `--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else, with their emotions;
 `--data` trains on the project's own sources. `--config` is `compact` (default), `paper` or `debug` (trains
-and exports in under a minute). Speech features come from the shipped compact encoder, the one of `--speech`
-(`debug`: a random one), or HuBERT or wav2vec2 in `--hubert FOLDER`; `paper` needs one of the two flags.
+and exports in under a minute). Speech features come from the shipped ear, the one of `--speech`, or HuBERT or
+wav2vec2 in `--hubert FOLDER`; `paper` needs one of the two flags.
 `--recipe paper` uses the paper's losses and rates. Seeded; resumes from `--out/last.pt` bit for bit;
 `--device` and `--precision` set where and how it computes, and `accelerate launch` starts it on several GPUs
 (`training/machine.py`).
@@ -17,13 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from torch import nn
 
 from training.corpus import bank, ear, spoken
 from training.corpus.bank import Entry
 from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
-from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
+from training.corpus.shares import lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
 from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import (
@@ -37,12 +36,9 @@ from training.losses import (
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import Run, begin, descend, seeded, trainer_parser
-from training.speech.compact import CompactEncoder
-from training.speech.compact import debug_config as debug_encoder
 from training.speech.ear import SHIPPED_EAR, load_ear
 from training.speech.hubert import HubertFeatures
-from training.speech.source import CompactSpeech, EarSpeech, HubertSpeech
-from training.speech.train import HEARD_EVERY
+from training.speech.source import EarSpeech, HubertSpeech, PreparedSpeech
 from training.systems.freetalk import recipes
 from training.systems.freetalk.ats import (
     ANY_STYLE,
@@ -65,6 +61,8 @@ NEUTRAL_GAP_M = 0.8e-3
 UNLABELLED_SHARE = 0.6
 SHARES = {"grid_s1": 0.3, "grid_five": 0.2, "facegood_zh": 0.25, "taught": 0.25}
 """How often each source of motion is drawn."""
+HEARD_EVERY = 2
+"""Closures are counted in every second held-out clip of speech without a face."""
 
 
 @dataclass
@@ -88,7 +86,7 @@ class AtsTrainer:
         self,
         arguments,
         config: AtsConfig,
-        speech: CompactSpeech | EarSpeech | HubertSpeech,
+        speech: PreparedSpeech,
         denoiser: type[AtsDenoiser] = AtsDenoiser,
     ):
         self.config, self.speech = config, speech
@@ -107,8 +105,6 @@ class AtsTrainer:
         self.landmark_weight = landmark_weights()
         self._measure_scale()
         self.machine.place(self.model, arguments.seed)
-        self.speech.to(self.machine.device)
-        self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
@@ -134,8 +130,7 @@ class AtsTrainer:
         room = self.config.window_frames - frames
         offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
         with self.machine.autocast():
-            speech = self.speech.windows(step.mel)
-            predicted = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
+            predicted = self.model(noisy, t.to(device), step.mel, step.affect, step.source, offset).float()
         error = (predicted - clean) * self.model.std
         shares = (self.recipe.velocity, self.recipe.acceleration)
         if self.recipe.plain:
@@ -180,9 +175,10 @@ def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
 
 
 @torch.no_grad()
-def validate(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict:
+def validate(trainer: AtsTrainer, model: AtsDenoiser, sampling: Sampling) -> dict:
     """r and slope of every feature on unseen clips, in the source's own style and in `any`."""
-    report, entries = {}, speech.entries
+    report, speech = {}, trainer.speech
+    entries = speech.entries
     model.eval()
     for source in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = source in trainer.sources
@@ -195,17 +191,17 @@ def validate(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict:
             pairs = [(clip_motion(speech, model, e, style, sampling), e.motion) for e in chosen]
             report |= {f"{source} {name} {k}": v for k, v in feature_scores(pairs).items()}
     if trainer.validated:
-        report |= closure_report(trainer, model, speech, sampling)
+        report |= closure_report(trainer, model, sampling)
     model.train()
     return report
 
 
-def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict[str, float]:
+def closure_report(trainer: AtsTrainer, model: AtsDenoiser, sampling: Sampling) -> dict[str, float]:
     """Share of p, b and m at which the lips meet in the style `any`, for each source of speech."""
     met: dict[str, list[bool]] = {}
     style = trainer.config.styles.index(ANY_STYLE)
     for entry in trainer.heard:
-        gap = lip_gap(clip_motion(speech, model, entry, style, sampling))
+        gap = lip_gap(clip_motion(trainer.speech, model, entry, style, sampling))
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
     return {f"{label} closed": sum(flags) / len(flags) for label, flags in sorted(met.items()) if flags}
@@ -240,10 +236,9 @@ def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
         frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
         return trainer.loss(trainer.draw(batch_of(arguments, trainer.recipe, frames), frames))
 
-    def judge(averaged: nn.ModuleDict) -> dict[str, float]:
-        model, heard = averaged["denoiser"], trainer.speech.using(averaged["encoder"])
-        scores = validate(trainer, model, heard, config.sampling)
-        save(run.out / "ats.pt", model, recipe=trainer.recipe.record(), **heard.saved())
+    def judge(averaged: AtsDenoiser) -> dict[str, float]:
+        scores = validate(trainer, averaged, config.sampling)
+        save(run.out / "ats.pt", averaged, recipe=trainer.recipe.record())
         return scores
 
     descend(arguments, run, loss, judge)
@@ -274,18 +269,15 @@ def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
     factor = None if recipe.annealed else lambda _: 1.0
     groups = [{"params": list(trainer.model.parameters()), "lr": recipe.rate}]
     return begin(
-        arguments, trainer.parts, generators, groups=groups,
+        arguments, trainer.model, generators, groups=groups,
         steps=steps, decay=recipe.weight_decay, factor=factor, average=recipe.average,
         machine=trainer.machine,
     )  # fmt: skip
 
 
 def start_from(trainer: AtsTrainer, path: Path) -> None:
-    """Loads the weights of an `ats.pt`, including its encoder."""
-    saved = torch.load(path)
-    trainer.model.load_state_dict(saved["state"])
-    if saved.get("encoder") is not None:
-        trainer.speech.encoder.load_state_dict(saved["encoder"])
+    """Loads the weights of an `ats.pt`."""
+    trainer.model.load_state_dict(torch.load(path)["state"])
 
 
 def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
@@ -296,14 +288,14 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
     config.emotion = "learned" if has_emotion else "added"
 
 
-def speech_source(arguments, config: AtsConfig) -> CompactSpeech | EarSpeech | HubertSpeech:
+def speech_source(arguments, config: AtsConfig) -> PreparedSpeech:
     """The source of speech features that the configuration asks for."""
     if hears_hubert(arguments, config):
         features = HubertFeatures(arguments.hubert)
         config.speech = SpeechInput(features.kind, features.channels)
         return HubertSpeech(features, own_clips(arguments))
     if arguments.config == "debug":
-        return CompactSpeech(CompactEncoder(debug_encoder()), entries_of(arguments, 2, arguments.limit or 4))
+        arguments.limit, arguments.leave_out = arguments.limit or 4, [spoken.SOURCE]
     body = load_ear(arguments.speech or SHIPPED_EAR)
     config.speech = SpeechInput(body.config.model, body.config.channels)
     return EarSpeech(body, ear.for_systems(arguments, body.config.taps))
@@ -345,7 +337,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-clips", nargs="*", default=[], help="hold out clips whose names begin so")
     default = list(SHARES.values())
     parser.add_argument("--shares", type=float, nargs=len(SHARES), default=default, help=f"of {[*SHARES]}")
-    parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
+    parser.add_argument("--init", type=Path, help="start from this ats.pt")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
     parser.add_argument("--dropout", type=float, help="dropout, instead of the recipe's")

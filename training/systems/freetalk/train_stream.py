@@ -28,7 +28,7 @@ from training.corpus.split import leave_clips
 from training.losses import FEATURES, feature_concordance, feature_scores, landmark_weights, motion_loss
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
-from training.run import descend, seeded, trainer_parser
+from training.run import begin_student, descend, seeded, trainer_parser
 from training.speech.causal import (
     StreamConfig,
     StreamNet,
@@ -39,8 +39,7 @@ from training.speech.causal import (
     perform,
     with_sooner,
 )
-from training.speech.compact import ACTIVE_QUANTILE, clip_colour
-from training.speech.train import start
+from training.speech.log_mel import ACTIVE_QUANTILE, clip_colour
 from training.systems.freetalk.ats import AtsDenoiser, neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 from training.systems.freetalk.stored import load_models, load_run
@@ -71,8 +70,7 @@ class FullModel:
 
 def load_teacher(arguments) -> FullModel:
     """The full model of `--ats`, or of `--models`."""
-    encoder, denoiser = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
-    return FullModel(denoiser)
+    return FullModel(load_models(arguments.models)[1] if arguments.ats is None else load_run(arguments.ats))
 
 
 def prior_of(config: StreamConfig, clips: list[Lesson]) -> StreamConfig:
@@ -213,7 +211,8 @@ def train(arguments) -> Path:
     machine = Machine(arguments.device, arguments.precision)
     sampler = LessonSampler(clips, shares, machine.seed(arguments.seed), model.config, at_rest, scales)
     machine.place(model, arguments.seed)
-    run, weight = start(arguments, model, {"windows": sampler.random}, 0.99, machine), landmark_weights()
+    run = begin_student(arguments, model, {"windows": sampler.random}, 0.99, machine)
+    weight = landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:

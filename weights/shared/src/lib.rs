@@ -63,14 +63,10 @@ macro_rules! model {
     };
 }
 
-/// Turns speech into features.
-pub static COMPACT_SPEECH: Model = model!("compact_speech");
 /// Turns what the first layers of Whisper find in speech into features.
 pub static EAR: Model = model!("ear");
 /// Turns features of the ear into phones.
 pub static PHONES: Model = model!("phones");
-/// Turns features of the compact encoder into phones.
-pub static COMPACT_PHONES: Model = model!("compact_phones");
 /// Hears when the lips are together, while somebody is speaking.
 pub static LIVE_CLOSURES: Model = model!("live_closures");
 /// Turns a voice into numbers for its emotion.

@@ -2,11 +2,18 @@
 //! far.
 
 use super::config::NormaliserConfig;
-use crate::speech::{ACTIVE_RANGE, BANDS, DEEPEST, QUIETEST_LEVEL, SCALE};
+use crate::speech::BANDS;
 
 const QUANTILE: f32 = 0.95;
+/// Frames at most this far below the peak are the voice, nepers.
+const ACTIVE_RANGE: f32 = 4.0;
+/// The quietest level that counts as a voice, nepers.
+const QUIETEST_LEVEL: f32 = -9.0;
+/// Bounds a normalised log-mel below, and divides it.
+const DEEPEST: f32 = -12.0;
+const SCALE: f32 = 4.0;
 
-/// A causal [`crate::speech::normalise`]; twin of `normalise_running` in `training/speech/causal.py`.
+/// Twin of `normalise_running` in `training/speech/causal.py`.
 ///
 /// The level of a frame is its mean over bands. `peak` follows the 95 % quantile of levels in steps:
 /// up by 0.95 or down by 0.05 of a step size, which shrinks while the first voice is heard. Frames

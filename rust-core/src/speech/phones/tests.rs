@@ -85,7 +85,7 @@ fn heard() -> Heard {
 
 #[test]
 fn words_stand_in_their_order_within_the_sound() {
-    let model = PhoneModel::open(None, "ear").unwrap();
+    let model = PhoneModel::open(None).unwrap();
     let said = model
         .said(heard().sound(), Some("— see, \"shoes\" !"))
         .unwrap();
@@ -103,7 +103,7 @@ fn words_stand_in_their_order_within_the_sound() {
 
 #[test]
 fn texts_that_cannot_be_are_refused() {
-    let (model, heard) = (PhoneModel::open(None, "ear").unwrap(), heard());
+    let (model, heard) = (PhoneModel::open(None).unwrap(), heard());
     for text in ["", " – … ", &"word ".repeat(200)] {
         assert!(
             matches!(
@@ -146,7 +146,9 @@ fn hiss_brings_no_lip_to_the_teeth() {
         samples: samples.collect(),
     };
     let features = encoder.encode(&sound, SILENT).unwrap().features;
-    let model = PhoneModel::open(None, "ear").unwrap();
-    let at_teeth = model.contacts(features.view(), 25.0).at_teeth;
+    let model = PhoneModel::open(None).unwrap();
+    let at_teeth = model
+        .contacts(model.log_posteriors(features.view()).view(), 25.0)
+        .at_teeth;
     assert!(at_teeth.iter().all(|p| *p < 0.2));
 }

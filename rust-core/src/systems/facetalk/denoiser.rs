@@ -358,7 +358,7 @@ mod tests {
         let both = format!("{{\"motion\": {config}, \"landmark_motion\": {config}}}");
         let refused = MotionConfigs::from_json(&both).unwrap_err().to_string();
         assert!(
-            refused.contains("expected 204 channels of landmarks, got 16 of compact_speech"),
+            refused.contains("expected 204 channels of landmarks, got 16 of ear"),
             "{refused}"
         );
         let (_, denoiser) = golden();

@@ -13,7 +13,6 @@ from training.corpus.clip import FPS, MEL_PER_FRAME
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
 from training.corpus.ear import EarClip
 from training.speech.ear import FRAMES_EACH
-from training.speech.fold import features_of
 from training.systems.cafe_talk.denoiser import Denoiser, Sampling
 from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import load
@@ -88,7 +87,7 @@ class Actor:
     @torch.no_grad()
     def take(self, entry: EarClip) -> Take:
         """Runs a clip through the encoder."""
-        features = features_of(self.encoder, entry)
+        features = self.encoder(entry.heard[:1])[0]
         return Take(entry.name, entry.source, features, entry.motion.float(), entry.phones)
 
     def perform(
