@@ -139,6 +139,7 @@ class MotionOptions(Structure):
         ("emotion_of", c_void_p),
         ("starts_from", c_void_p),
         ("neutral_voice", c_void_p),
+        ("text", c_char_p),
     ]
 
 

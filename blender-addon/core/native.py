@@ -421,6 +421,7 @@ class Engine(
             options.emotion_of = self._audio(handles, request.emotion_of)
         if request.neutral_voice is not None:
             options.neutral_voice = self._audio(handles, request.neutral_voice)
+        options.text = request.text.encode() or None
         if request.starts_from is not None and face is not None:
             options.starts_from = self._pose(handles, face, request.starts_from)
         arguments = (self._handle, audio, byref(options), watch.handle)

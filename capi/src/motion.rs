@@ -8,7 +8,7 @@ use anyface::{
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Life, Motion, Pose, Stretch, bounds::DISPLACEMENT, check_fps},
-    speech::VoiceTrack,
+    speech::{Script, VoiceTrack},
     spread::pose_on,
 };
 use libc::c_char;
@@ -210,6 +210,9 @@ pub struct AnyfaceMotionOptions {
     /// used only until the call returns. The emotion of the voice is then heard as the difference
     /// from this recording. NULL, the default, compares the voice with people reading aloud.
     pub neutral_voice: *const AnyfaceAudio,
+    /// The words that are spoken, UTF-8. Their places are found in the sound, and the mouth then shows
+    /// their sounds. NULL, the default, takes what is heard alone.
+    pub text: *const c_char,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -238,6 +241,7 @@ impl AnyfaceMotionOptions {
             }
         }
         let style = unsafe { pointer::optional_text("style", self.style) }?;
+        let text = unsafe { pointer::optional_text("text", self.text) }?;
         Ok(MotionRequest {
             emotion: unsafe { self.emotion() }?,
             fps: self.fps,
@@ -245,6 +249,7 @@ impl AnyfaceMotionOptions {
             style: style.map(str::to_owned),
             controls: unsafe { controls::read(self.controls, self.control_count) }?,
             closures: unsafe { self.closures() }?,
+            script: text.map(|text| Arc::new(Script::Text(text.to_owned()))),
             events: unsafe { self.events() }?,
             emotion_of: unsafe { self.emotion_of() }?,
             neutral_voice: unsafe { self.neutral_voice() }?,
@@ -733,6 +738,13 @@ mod tests {
         assert!(
             message.contains("neutral voice") && message.contains("silence"),
             "{message}"
+        );
+        options.text = c"hello".as_ptr();
+        options.neutral_voice = null();
+        let request = unsafe { options.to_library() }.unwrap();
+        assert_eq!(
+            request.script.as_deref(),
+            Some(&Script::Text("hello".into()))
         );
         // A header from before the neutral voice existed ends where `neutral_voice` begins.
         options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, neutral_voice);

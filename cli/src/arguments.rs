@@ -13,14 +13,14 @@ use anyface::{
     audio::{SoundFile, Waveform},
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
-    job::ProgressFn,
+    job::{InputKind, ProgressFn, read_text},
     mesh::{
         Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
     motion::{Life, Pose, check_fps},
     output::{read_landmark_motion, read_life},
-    speech::VoiceTrack,
+    speech::{Script, VoiceTrack},
     systems::{Ability, Registration},
     text::Reader,
 };
@@ -305,11 +305,19 @@ pub struct MotionArgs {
     /// Speaking style by name [default: the model's own]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
-    /// File that says when the lips close, which is otherwise heard in the speech: the p, b and m
-    /// of a .TextGrid, .tsv, .json, .pgo, .dat (which counts frames of --fps) or .txt. `anyface
-    /// sounds` writes such files
+    /// File that says what is spoken and when, which is otherwise heard in the speech: phones, words or
+    /// mouth shapes of a .TextGrid, .tsv, .json (also of text-to-speech: ElevenLabs, Azure, Polly), .srt,
+    /// .vtt, .pgo, .dat (which counts frames of --fps) or .txt. Phones and shapes also say when the lips
+    /// close. `anyface sounds` writes such files
     #[arg(long, value_name = "S")]
     sounds: Option<InputPath>,
+    /// The words that are spoken. Their places are found in the sound, and the mouth then shows their
+    /// sounds
+    #[arg(long, value_name = "W")]
+    text: Option<String>,
+    /// Read the spoken words from this UTF-8 file instead
+    #[arg(long, value_name = "F", conflicts_with = "text")]
+    text_file: Option<InputPath>,
     /// What the face does and when (cafe-talk), as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink: seconds, then action units
     /// (with L or R for one side) or words, then the strength. A ! at the end puts it over the speech. May be repeated.
     /// `anyface units` lists the words with fixed units
@@ -391,13 +399,22 @@ impl MotionArgs {
         self.sounds.as_ref().map(read).transpose()
     }
 
+    /// The words of --text or --text-file.
+    pub fn text(&self) -> Result<Option<String>> {
+        spoken(self.text.as_deref(), self.text_file.as_ref())
+    }
+
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let system = Registration::find(shared.system.as_deref())?;
-        let closures = self
-            .read_sounds()?
-            .map(|sounds| sounds.closures())
-            .transpose()?;
+        let sounds = self.read_sounds()?;
+        let script = match self.text()? {
+            Some(text) => Some(Script::Text(text)),
+            None => sounds.as_ref().and_then(Script::of_annotation),
+        };
+        // Words alone do not say when lips close: their phones are found in the sound.
+        let shown = sounds.as_ref().filter(|sounds| sounds.shows_mouths());
+        let closures = shown.map(Annotation::closures).transpose()?;
         Ok(MotionRequest {
             emotion: self
                 .emotion
@@ -407,12 +424,22 @@ impl MotionArgs {
             seed: self.seed,
             style: self.style.clone(),
             closures,
+            script: script.map(Arc::new),
             events: self.events(shared.weights())?,
             emotion_of: self.emotion_of()?,
             neutral_voice: self.neutral_voice()?,
             starts_from: self.starts_from()?,
         })
     }
+}
+
+/// The words of `--text`, or of the file of `--text-file`.
+pub fn spoken(text: Option<&str>, file: Option<&InputPath>) -> Result<Option<String>> {
+    let Some(path) = file else {
+        return Ok(text.map(str::to_owned));
+    };
+    let text = read_text(path, InputKind::Text)?;
+    Ok(Some(text.trim_start_matches('\u{FEFF}').to_owned()))
 }
 
 /// Reads `x`, `+x` or `-x`, and the same for the other axes.

@@ -2,7 +2,7 @@
 
 use anyface::{
     Engine, Result,
-    annotation::{AnnotationFormat, Symbols},
+    annotation::{Annotation, AnnotationFormat, Symbols},
     chart::{ChartOptions, draw},
     mesh::canonical_landmarks,
 };
@@ -61,9 +61,6 @@ pub struct Chart {
         hide_default_value = true
     )]
     hold_vowels: usize,
-    /// The words that are spoken. They make it more certain when the lips close
-    #[arg(long, value_name = "W", conflicts_with = "sounds")]
-    text: Option<String>,
     #[command(flatten)]
     sound: SoundArgs,
     #[command(flatten)]
@@ -92,9 +89,10 @@ impl Chart {
         let engine: Engine = shared.engine()?;
         note_memory(&mut report, &engine, 0, 0, sound.levels.duration_s())?;
         let waveform = sound.whole(progress)?;
-        let sounds = match self.motion.read_sounds()? {
+        let given = self.motion.read_sounds()?;
+        let sounds = match given.filter(Annotation::shows_mouths) {
             Some(sounds) => sounds,
-            None => engine.listen_to_phones(&waveform, self.text.as_deref())?,
+            None => engine.listen_to_phones(&waveform, self.motion.text()?.as_deref())?,
         };
         let performance = engine.perform(&waveform, &request, progress)?;
         let landmarks = engine.landmarks_of(&performance.motion)?;

@@ -5,13 +5,12 @@
 use anyface::{
     Result,
     annotation::{Annotation, AnnotationFormat, Symbols},
-    job::{InputKind, read_text},
     motion::check_fps,
 };
 use clap::Args;
 
 use crate::{
-    arguments::{SharedArgs, SoundArgs, shown},
+    arguments::{SharedArgs, SoundArgs, shown, spoken},
     console::Console,
     paths::{InputPath, OutputPath},
     stages::{new_report, read_sound},
@@ -50,14 +49,14 @@ pub struct Sounds {
 
 impl Sounds {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        AnnotationFormat::from_path(&self.out)?;
+        AnnotationFormat::writable(&self.out)?;
         check_fps(self.fps)?;
         let mut report = new_report();
         let annotation = match (&self.sounds, &self.audio) {
             (Some(path), _) => Annotation::read(path, self.fps)?,
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
-                let text = self.spoken()?;
+                let text = spoken(self.text.as_deref(), self.text_file.as_ref())?;
                 let progress = &|p| console.progress(p);
                 let sound = read_sound(&mut report, path, &self.sound, progress)?;
                 let engine = shared.engine()?;
@@ -98,14 +97,5 @@ impl Sounds {
 
     fn asks_for_phones(&self) -> bool {
         self.phones || self.text.is_some() || self.text_file.is_some()
-    }
-
-    /// The text that is spoken in the sound.
-    fn spoken(&self) -> Result<Option<String>> {
-        let Some(path) = &self.text_file else {
-            return Ok(self.text.clone());
-        };
-        let text = read_text(path, InputKind::Text)?;
-        Ok(Some(text.trim_start_matches('\u{FEFF}').to_owned()))
     }
 }

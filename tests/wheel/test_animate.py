@@ -72,6 +72,15 @@ def test_the_emotion_that_is_heard_comes_back_and_a_neutral_voice_changes_it(any
         anyface.animate(mesh, sound, emotion="auto", neutral_voice=silent)
 
 
+def test_the_mouth_shows_the_sounds_of_a_text(anyface, clip, mesh):
+    sound = np.tile(spoken(), 2), RATE_HZ
+    heard = anyface.animate(mesh, sound).displacements
+    told = anyface.animate(mesh, sound, text="move through a new room").displacements
+    assert np.abs(told - heard).max() > 1e-3
+    with pytest.raises(anyface.AnyfaceError, match="text: expected words that are said"):
+        anyface.animate(mesh, sound, text=" – … ")
+
+
 def test_arrays_give_what_files_give(anyface, clip, mesh):
     stereo = np.stack([(spoken() * 32767).astype(np.int16)] * 2, axis=1)
     again = anyface.animate(mesh, (stereo, RATE_HZ), fps=25)

@@ -464,7 +464,31 @@ fn sounds_that_are_mended_close_the_lips_there_and_nowhere_else() {
 }
 
 #[test]
-fn words_and_phones_stand_beside_closures_that_stay_the_same() {
+fn the_mouth_shows_the_words_of_a_text_and_of_subtitles() {
+    let folder = folder_with_sound(&hum(2.0), 16_000);
+    let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
+    let with = |out: &str, more: &[&str]| {
+        done(&folder, &[&motion[..], &[out], more].concat());
+        landmarks(&folder, out)
+    };
+    let heard = with("heard.npz", &[]);
+    let told = with("told.npz", &["--text", "Mum hums"]);
+    assert!(!changed(&heard, &told).is_empty());
+    let line = "1\n00:00:01,000 --> 00:00:01,500\nMum\n";
+    fs::write(folder.path().join("a.srt"), line).unwrap();
+    let said = with("said.npz", &["--sounds", "a.srt"]);
+    let frames = changed(&heard, &said);
+    assert!(frames.iter().any(|t| (24..=38).contains(t)), "{frames:?}");
+    let phones = "start_s\tduration_s\tphone\n1.0\t0.1\tm\n1.1\t0.2\tu\n";
+    fs::write(folder.path().join("a.tsv"), phones).unwrap();
+    let frames = changed(&heard, &with("phones.npz", &["--sounds", "a.tsv"]));
+    assert!(frames.contains(&26), "{frames:?}");
+    let empty = [&motion[..], &["x.npz", "--text", "..."]].concat();
+    refused(&folder, &empty, INVALID_INPUT, "letter");
+}
+
+#[test]
+fn words_and_phones_stand_beside_closures() {
     let folder = folder_with_sound(&hum(2.0), 16_000);
     let listen = ["sounds", "--audio", "a.wav", "--json", "--out"];
     let json = |more: &[&str]| -> serde_json::Value {
@@ -476,7 +500,11 @@ fn words_and_phones_stand_beside_closures_that_stay_the_same() {
     assert!(plain.get("phones").is_none() && plain.get("words").is_none());
     fs::write(folder.path().join("said.txt"), "\u{FEFF}Mum, hums: 3\n").unwrap();
     let said = json(&["said.TextGrid", "--text-file", "said.txt"]);
-    assert_eq!(said["closures"], plain["closures"]);
+    let closures = said["closures"].as_array().unwrap();
+    assert!(
+        closures.len() >= 2,
+        "the text has three m, got {closures:?}"
+    );
     let words = said["words"].as_array().unwrap().iter();
     let labels: Vec<&str> = words.map(|word| word[2].as_str().unwrap()).collect();
     assert_eq!(labels, ["Mum", "hums", "3"]);
@@ -506,7 +534,7 @@ fn one_file_of_sounds_becomes_another() {
     let switch = fs::read_to_string(folder.path().join("a.dat")).unwrap();
     assert_eq!(switch, "MohoSwitch1\n1 rest\n13 MBP\n19 E\n25 rest\n");
     let back = ["sounds", "--sounds", "a.tsv", "--out", "a.srt"];
-    refused(&folder, &back, INVALID_INPUT, ".TextGrid");
+    refused(&folder, &back, INVALID_INPUT, "only read");
     fs::write(folder.path().join("b.tsv"), "0.00\tX\nsoon\tA\n").unwrap();
     let damaged = ["sounds", "--sounds", "b.tsv", "--out", "a.dat.txt"];
     refused(&folder, &damaged, INVALID_INPUT, "b.tsv:2: expected a time");

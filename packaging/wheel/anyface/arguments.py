@@ -81,9 +81,10 @@ def request_of(
     controls: Mapping[str, ControlLike],
     events: Sequence[str],
     neutral_voice: SoundLike | None = None,
+    text: str = "",
 ) -> Request:
     """Builds the request for a performance. The library keeps the clip until all of it is read."""
-    request = Request(float(fps), seed=seed, style=style, keeps_clip=True)
+    request = Request(float(fps), seed=seed, style=style, text=text, keeps_clip=True)
     if events:
         request.events = Reader(engine.models).events_of_lines("\n".join(events))
     if isinstance(emotions, str) and emotions in EMOTION_WORDS:

@@ -46,6 +46,7 @@ def animate(
     controls: Mapping[str, ControlLike] | None = None,
     events: Sequence[str] = (),
     neutral_voice: SoundLike | None = None,
+    text: str = "",
     landmarks: ArrayLike | None = None,
     weights: bool = False,
     out: str | os.PathLike[str] = "",
@@ -64,16 +65,18 @@ def animate(
 
     `controls` are those that `systems()` lists. `events` are texts such as `1.2-2.0:left wink:0.8`,
     for systems that show them. `neutral_voice` is a recording of ten seconds or more in which the
-    same person speaks neutrally: the emotion is then heard in how the voice differs from it. With
-    `weights` the motion is also solved into ARKit weights. `out` is a file that also receives the
-    take on the mesh's ARKit shapes: .glb, .usda, or .vrma, which moves any VRM avatar. Pass an
-    `engine` to use other models than the built-in ones.
+    same person speaks neutrally: the emotion is then heard in how the voice differs from it. `text`
+    are the words that are spoken: their places are found in the sound, and the mouth then shows
+    their sounds. With `weights` the motion is also solved into ARKit weights. `out` is a file that
+    also receives the take on the mesh's ARKit shapes: .glb, .usda, or .vrma, which moves any VRM
+    avatar. Pass an `engine` to use other models than the built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
     """
     oriented = _facing(engine, forward, up)
-    request = request_of(oriented, fps, emotion, seed, style, controls or {}, events, neutral_voice)
+    spoken = neutral_voice, text
+    request = request_of(oriented, fps, emotion, seed, style, controls or {}, events, *spoken)
     points = landmarks_of(landmarks)
 
     def work(watch: Watch) -> Clip:

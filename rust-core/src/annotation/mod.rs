@@ -8,6 +8,7 @@ mod rhubarb;
 mod symbols;
 mod text_grid;
 mod tiers;
+mod told;
 
 use std::path::Path;
 
@@ -16,7 +17,7 @@ use crate::{
     job::{InputKind, read_file, write_atomically},
 };
 
-pub use symbols::Symbols;
+pub use symbols::{Symbols, ipa};
 pub use tiers::{Annotation, CLOSED, Interval, Tier};
 
 /// File formats of annotations.
@@ -24,9 +25,9 @@ pub use tiers::{Annotation, CLOSED, Interval, Tier};
 pub enum AnnotationFormat {
     /// Praat's text file, long or short.
     TextGrid,
-    /// Rhubarb's tab-separated cues.
+    /// Rhubarb's tab-separated cues. When read, also a table with a header of phones or words.
     RhubarbTsv,
-    /// Rhubarb's JSON.
+    /// Rhubarb's JSON. When read, also times of words, phones or visemes by text-to-speech.
     RhubarbJson,
     /// Papagayo's project.
     Papagayo,
@@ -34,6 +35,8 @@ pub enum AnnotationFormat {
     MohoSwitch,
     /// Lines of start, end and label, as in Audacity's label files.
     Plain,
+    /// SubRip's and WebVTT's subtitles, which are only read.
+    Subtitles,
 }
 
 impl AnnotationFormat {
@@ -50,11 +53,29 @@ impl AnnotationFormat {
             "pgo" => Ok(Self::Papagayo),
             "dat" => Ok(Self::MohoSwitch),
             "txt" => Ok(Self::Plain),
+            "srt" | "vtt" => Ok(Self::Subtitles),
             _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .TextGrid, .tsv, .json, .pgo, .dat or .txt, got \
+                "{}: expected a name that ends in .TextGrid, .tsv, .json, .pgo, .dat, .txt, .srt or .vtt, got \
                  {extension:?}",
                 path.display()
             ))),
+        }
+    }
+}
+
+impl AnnotationFormat {
+    /// Like [`AnnotationFormat::from_path`], for a file to write.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a format that is only read, too.
+    pub fn writable(path: &Path) -> Result<Self> {
+        match Self::from_path(path)? {
+            Self::Subtitles => Err(Error::InvalidInput(format!(
+                "{}: expected a name that ends in .TextGrid, .tsv, .json, .pgo, .dat or .txt, got subtitles, which \
+                 are only read",
+                path.display()
+            ))),
+            format => Ok(format),
         }
     }
 }
@@ -87,7 +108,8 @@ impl Annotation {
     /// # Errors
     /// `InvalidInput` for another extension, `Io`.
     pub fn write(&self, path: &Path, fps: f64) -> Result<()> {
-        let text = self.to_text(AnnotationFormat::from_path(path)?, fps);
+        let format = AnnotationFormat::writable(path)?;
+        let text = self.to_text(format, fps);
         write_atomically(path, |file| {
             std::io::Write::write_all(file, text.as_bytes())
         })
@@ -105,7 +127,7 @@ impl Annotation {
             AnnotationFormat::RhubarbJson => rhubarb::write_json(self),
             AnnotationFormat::Papagayo => papagayo::write_project(self, fps),
             AnnotationFormat::MohoSwitch => papagayo::write_switch(self, fps),
-            AnnotationFormat::Plain => plain::write(self),
+            AnnotationFormat::Plain | AnnotationFormat::Subtitles => plain::write(self),
         }
     }
 }
@@ -113,11 +135,14 @@ impl Annotation {
 fn parse(text: &str, format: AnnotationFormat, fps: f64) -> Result<Annotation, String> {
     match format {
         AnnotationFormat::TextGrid => text_grid::read(text),
+        AnnotationFormat::RhubarbTsv if told::is_table(text) => told::read_table(text),
         AnnotationFormat::RhubarbTsv => rhubarb::read_tsv(text),
-        AnnotationFormat::RhubarbJson => rhubarb::read_json(text),
+        AnnotationFormat::RhubarbJson if text.contains("\"mouthCues\"") => rhubarb::read_json(text),
+        AnnotationFormat::RhubarbJson => told::read_json(text),
         AnnotationFormat::Papagayo => papagayo::read_project(text),
         AnnotationFormat::MohoSwitch => papagayo::read_switch(text, fps),
         AnnotationFormat::Plain => plain::read(text),
+        AnnotationFormat::Subtitles => told::read_subtitles(text),
     }
 }
 

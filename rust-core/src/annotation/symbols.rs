@@ -45,6 +45,123 @@ const OTHERS: [&str; 29] = [
 /// Phones that are also words in many languages.
 const VOWELS: [&str; 6] = ["a", "e", "i", "o", "u", "y"];
 
+/// ARPABET's phones whose IPA is not what their small letters say.
+const ARPABET: [(&str, &str); 31] = [
+    ("aa", "ɑ"),
+    ("ae", "æ"),
+    ("ah", "ʌ"),
+    ("ao", "ɔ"),
+    ("aw", "aʊ"),
+    ("ay", "aɪ"),
+    ("ch", "tʃ"),
+    ("dh", "ð"),
+    ("dx", "d"),
+    ("eh", "ɛ"),
+    ("el", "əl"),
+    ("em", "əm"),
+    ("en", "ən"),
+    ("er", "ɝ"),
+    ("ey", "eɪ"),
+    ("g", "ɡ"),
+    ("hh", "h"),
+    ("ih", "ɪ"),
+    ("iy", "i"),
+    ("jh", "dʒ"),
+    ("ng", "ŋ"),
+    ("ow", "oʊ"),
+    ("oy", "ɔɪ"),
+    ("r", "ɹ"),
+    ("sh", "ʃ"),
+    ("th", "θ"),
+    ("uh", "ʊ"),
+    ("uw", "u"),
+    ("y", "j"),
+    ("zh", "ʒ"),
+    ("axr", "ɝ"),
+];
+/// The sign of each phone that the recogniser knows, and the signs of IPA that it stands for.
+///
+/// Twin of `CLASSES` in `training/speech/phones.py`.
+const CLASSES: [(&str, &str); 41] = [
+    ("i", "iɨ"),
+    ("ɪ", "ɪᵻ"),
+    ("y", "yʏʉɥ"),
+    ("u", "uɯ"),
+    ("ʊ", "ʊ"),
+    ("e", "eɘ"),
+    ("ɛ", "ɛ"),
+    ("ø", "øœɵɞ"),
+    ("ə", "əɤ"),
+    ("ɝ", "ɜɚɝ"),
+    ("o", "o"),
+    ("ɔ", "ɔɒ"),
+    ("ʌ", "ʌɐ"),
+    ("a", "a"),
+    ("ɑ", "ɑ"),
+    ("æ", "æ"),
+    ("p", "p"),
+    ("b", "bʙ"),
+    ("m", "mɱ"),
+    ("f", "fɸ"),
+    ("v", "vβʋ"),
+    ("w", "wʍ"),
+    ("t", "tʈcʔ"),
+    ("d", "dɖɟ"),
+    ("n", "nɳɲ"),
+    ("θ", "θ"),
+    ("ð", "ð"),
+    ("s", "sɬ"),
+    ("z", "z"),
+    ("ʃ", "ʃʂɕ"),
+    ("ʒ", "ʒʐʑ"),
+    ("l", "lɫɭʎ"),
+    ("r", "rɾɽ"),
+    ("ɹ", "ɹɻ"),
+    ("j", "jʝ"),
+    ("k", "kq"),
+    ("ɡ", "ɡɢg"),
+    ("ŋ", "ŋ"),
+    ("x", "xχçħ"),
+    ("ʁ", "ʁʀɣʕ"),
+    ("h", "hɦ"),
+];
+/// Two sounds that one sign stands for.
+const LIGATURES: [(char, &str); 4] = [('ʦ', "ts"), ('ʣ', "dz"), ('ʧ', "tʃ"), ('ʤ', "dʒ")];
+const PAUSES: [&str; 9] = ["", "_", "sil", "sp", "spn", "pau", "<sil>", "<eps>", "h#"];
+
+/// The plain sounds of a phone, by the recogniser's signs: `ˈaɪ` and `AY1` are `a`, `ɪ`. A pause is
+/// `_`; of a label that is no phone nothing remains.
+pub fn ipa(label: &str) -> Vec<&'static str> {
+    let plain = plain(label);
+    if PAUSES.contains(&plain.as_str()) {
+        return vec!["_"];
+    }
+    let is_ascii = label
+        .trim()
+        .chars()
+        .next()
+        .is_some_and(|c| c.is_ascii_uppercase());
+    let spelt = ARPABET.iter().find(|(name, _)| *name == plain);
+    // `r` and `y` in small letters are IPA.
+    let spelt = spelt
+        .filter(|_| is_ascii || plain.len() > 1)
+        .map(|(_, signs)| *signs);
+    let signs = spelt.unwrap_or(&plain).chars();
+    let signs = signs.flat_map(|sign| {
+        let two = LIGATURES.iter().find(|(ligature, _)| *ligature == sign);
+        two.map_or_else(|| sign.to_string(), |(_, two)| (*two).to_owned())
+            .chars()
+            .collect::<Vec<_>>()
+    });
+    let class = |sign: char| {
+        CLASSES
+            .iter()
+            .find(|(_, signs)| signs.contains(sign))
+            .map(|(name, _)| *name)
+    };
+    signs.filter_map(class).collect()
+}
+
 impl Symbols {
     /// The name of a tier with such labels.
     pub fn name(self) -> &'static str {

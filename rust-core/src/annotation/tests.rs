@@ -234,3 +234,105 @@ fn labels_that_are_vowels_alone_are_words() {
     assert_eq!(symbols("0.1 0.2 a\n0.2 0.3 ŋ\n"), Symbols::Phones);
     assert_eq!(symbols("0.1 0.2 a\n0.2 0.3 i\n"), Symbols::Words);
 }
+
+/// What a text gives: the kind, and each label with its times.
+fn told(text: &str, format: AnnotationFormat) -> Vec<(Symbols, Vec<(String, f64, f64)>)> {
+    let annotation = Annotation::from_text(text, format, 24.0).unwrap();
+    let rows = |tier: &Tier| {
+        let row = |i: &Interval| (i.label.clone(), i.start_s, i.end_s);
+        (tier.symbols, tier.intervals.iter().map(row).collect())
+    };
+    annotation.tiers.iter().map(rows).collect()
+}
+
+fn row(label: &str, start_s: f64, end_s: f64) -> (String, f64, f64) {
+    (label.into(), start_s, end_s)
+}
+
+#[test]
+fn tables_of_words_and_phones_are_read() {
+    let phones = "start_s\tduration_s\tphone\n0.000\t0.300\t_\n0.300\t0.080\tm\n0.380\t0.120\tæ\n";
+    let rows = vec![row("_", 0.0, 0.3), row("m", 0.3, 0.38), row("æ", 0.38, 0.5)];
+    assert_eq!(
+        told(phones, AnnotationFormat::RhubarbTsv),
+        [(Symbols::Phones, rows)]
+    );
+    let words = "word\tstart\tend\nmap\t0.3\t0.5\n";
+    let expected = [(Symbols::Words, vec![row("map", 0.3, 0.5)])];
+    assert_eq!(told(words, AnnotationFormat::RhubarbTsv), expected);
+    let refused = Annotation::from_text(
+        "start\tend\tword\n1\tx\tmap\n",
+        AnnotationFormat::RhubarbTsv,
+        24.0,
+    );
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("2: expected a time")
+    );
+}
+
+#[test]
+fn what_text_to_speech_says_of_times_is_read() {
+    let eleven = r#"{"alignment": {"characters": ["B","o","b"," ","i","s"],
+        "character_start_times_seconds": [0.1,0.2,0.3,0.4,0.5,0.6],
+        "character_end_times_seconds": [0.2,0.3,0.4,0.5,0.6,0.7]}}"#;
+    let words = vec![row("Bob", 0.1, 0.4), row("is", 0.5, 0.7)];
+    assert_eq!(
+        told(eleven, AnnotationFormat::RhubarbJson),
+        [(Symbols::Words, words)]
+    );
+    let azure = r#"[{"audio_offset": 500000, "viseme_id": 21}, {"audio_offset": 1500000, "viseme_id": 2},
+        {"audio_offset": 3000000, "viseme_id": 0}]"#;
+    let phones = vec![
+        row("p", 0.05, 0.15),
+        row("ɑ", 0.15, 0.3),
+        row("_", 0.3, 0.5),
+    ];
+    assert_eq!(
+        told(azure, AnnotationFormat::RhubarbJson),
+        [(Symbols::Phones, phones)]
+    );
+    let polly = "{\"time\":0,\"type\":\"viseme\",\"value\":\"p\"}\n{\"time\":100,\"type\":\"viseme\",\"value\":\"a\"}\n";
+    let phones = vec![row("p", 0.0, 0.1), row("ɑ", 0.1, 0.1 + 0.2)];
+    assert_eq!(
+        told(polly, AnnotationFormat::RhubarbJson),
+        [(Symbols::Phones, phones)]
+    );
+    let whisper = r#"{"segments": [{"words": [{"word": " Bob", "start": 0.1, "end": 0.4}]}]}"#;
+    let expected = [(Symbols::Words, vec![row("Bob", 0.1, 0.4)])];
+    assert_eq!(told(whisper, AnnotationFormat::RhubarbJson), expected);
+    let nothing = Annotation::from_text("{\"a\": 1}", AnnotationFormat::RhubarbJson, 24.0);
+    assert!(
+        nothing
+            .unwrap_err()
+            .to_string()
+            .contains("expected times of words or phones")
+    );
+}
+
+#[test]
+fn subtitles_are_lines_of_words() {
+    let srt = "1\n00:00:01,200 --> 00:00:02,000\n<i>Bob made</i>\na map.\n\n2\n00:00:02,500 --> 00:00:03,000\nWhy?\n";
+    let lines = vec![row("Bob made a map.", 1.2, 2.0), row("Why?", 2.5, 3.0)];
+    assert_eq!(
+        told(srt, AnnotationFormat::Subtitles),
+        [(Symbols::Words, lines.clone())]
+    );
+    let vtt = "WEBVTT\n\n00:01.200 --> 00:02.000 align:left\nBob made a map.\n\n00:02.500 --> 00:03.000\nWhy?\n";
+    assert_eq!(
+        told(vtt, AnnotationFormat::Subtitles),
+        [(Symbols::Words, lines)]
+    );
+    let refused = Annotation::from_text("hello", AnnotationFormat::Subtitles, 24.0);
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("expected subtitles")
+    );
+    let path = Path::new("/nowhere/a.srt");
+    let written = Annotation::of_closures(&[], 1.0).write(path, 24.0);
+    assert!(written.unwrap_err().to_string().contains("only read"));
+}

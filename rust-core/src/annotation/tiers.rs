@@ -81,6 +81,13 @@ impl Annotation {
         Ok(closed.map(|i| [i.start_s, i.end_s]).collect())
     }
 
+    /// Whether there is a tier of phones or mouth shapes.
+    pub fn shows_mouths(&self) -> bool {
+        self.tier(Symbols::Closures)
+            .or_else(|| self.first_shown())
+            .is_some()
+    }
+
     /// The intervals of the first tier with these symbols; empty if there is no such tier.
     pub fn intervals(&self, symbols: Symbols) -> &[Interval] {
         self.tier(symbols).map_or(&[], |tier| &tier.intervals)
