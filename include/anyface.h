@@ -591,6 +591,9 @@ typedef struct {
     /// used only until the call returns. The emotion of the voice is then heard as the difference
     /// from this recording. NULL, the default, compares the voice with people reading aloud.
     const AnyfaceAudio *neutral_voice;
+    /// The words that are spoken, UTF-8. Their places are found in the sound, and the mouth then shows
+    /// their sounds. NULL, the default, takes what is heard alone.
+    const char *text;
 } AnyfaceMotionOptions;
 
 /// Receives frames in order. A result other than 0 ends the job with `ANYFACE_STATUS_CANCELLED`.

@@ -251,9 +251,23 @@ impl PhoneModel {
         if matches!(script, Script::Words(_)) && words.is_empty() {
             return Ok(rows);
         }
+        let heard = rows.clone();
         rows -= &(PRIOR_POWER * &self.log_prior);
         self.align(&mut rows, &words, clock)?;
-        rows.rows_mut().into_iter().for_each(normalise);
+        // Subtitles may leave out what is said between them, so there the sound alone counts.
+        let count = rows.nrows();
+        let mut is_told = vec![false; count];
+        for (_, span_s) in &words {
+            is_told[rows_of(*span_s, clock, count)].fill(true);
+        }
+        for ((mut row, heard), is_told) in
+            rows.outer_iter_mut().zip(heard.outer_iter()).zip(is_told)
+        {
+            match is_told {
+                true => normalise(row),
+                false => row.assign(&heard),
+            }
+        }
         Ok(rows)
     }
 
