@@ -139,7 +139,7 @@ def nothing_heard(config: Normaliser, count: int) -> Heard:
 def normalise_running(mel: Tensor, config: Normaliser, heard: Heard | None = None) -> Tensor:
     """Raw log-mel [B, R, 64] → input of the network; row i depends on rows 0 … i.
 
-    The causal form of `compact.normalise`. The level of a frame is its mean over bands. `peak` follows
+    The causal form of `log_mel.normalise`. The level of a frame is its mean over bands. `peak` follows
     the 95 % quantile of levels in steps: up by 0.95 or down by 0.05 of a step size, which shrinks while
     the first voice is heard. Frames at most 4 nepers below the peak, and not below −9, update the colour:
     a mean that starts from the prior and forgets after `memory_frames`. If the colour's mean is below the

@@ -19,7 +19,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training import WEIGHTS, shipped
+from training import shipped
 from training.corpus import lessons
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import Lesson, silence, taught_by
@@ -51,12 +51,6 @@ EVEN, LEAST = 0.62, 1e-5
 """Log-odds of the phones at which `CLOSED` stands, and the least probability."""
 POSITIVE_WEIGHT = 4.0
 """Extra loss weight of closed frames, because they are rare: a closure lasts a frame or two of twenty."""
-OFFSET = 1.0
-"""Subtracted from the logit after training, because the weight of closed frames raises it by up to ln 5.
-
-With this offset the student closes lips in about three quarters of the frames in which its teacher does.
-Without it the mouth hardly opened.
-"""
 CALIBRATION_CLIPS = 200
 HELD_OUT_CLIPS = 30
 """Most held-out clips of each source that are measured."""
@@ -167,21 +161,20 @@ def new_model(arguments, clips: list[Lesson]) -> StreamNet:
 
 @torch.no_grad()
 def calibrate(model: StreamNet, clips: list[Lesson]) -> None:
-    """Shifts the logits of the further heads so that each closes the lips as often as the main head on
-    training clips.
+    """Shifts the logits of every head so that it closes the lips as often as the teacher on training clips.
 
     The less a head can tell, the more the weight of closed frames has raised its logits.
     """
     heard = [x for x in clips if not x.held_out][:: max(len(clips) // CALIBRATION_CLIPS, 1)]
+    shut = (torch.cat([x.motion[:, DIMS] for x in heard]).float() > CLOSED).float().mean()
 
-    def logits(head: int | None) -> Tensor:
+    def shift(head: int | None) -> Tensor:
         rows = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0] for x in heard]
-        return torch.cat(rows)
+        return torch.logit(torch.tensor(CLOSED)) - torch.quantile(torch.cat(rows), 1.0 - shut)
 
-    least = torch.logit(torch.tensor(CLOSED))
-    shut = (logits(None) > least).float().mean()
+    model.mean += shift(None)
     for head, further in enumerate(model.sooner):
-        further.head.bias += least - torch.quantile(logits(head), 1.0 - shut)
+        further.head.bias += shift(head)
 
 
 def measure(arguments) -> None:
@@ -210,7 +203,6 @@ def train(arguments) -> Path:
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
-        averaged.mean.fill_(-OFFSET)
         finished = copy.deepcopy(averaged).eval()
         calibrate(finished, clips)
         save(run.out / "stream.pt", finished)
@@ -227,7 +219,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--phones", type=Path, default=shipped("phones"), help="folder of the recogniser")
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
                         help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
-    parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/live_closures")
+    parser.add_argument("--finished", type=Path, default=shipped("live_closures"))
     parser.add_argument("--measure", action="store_true", help="measure --finished instead of training")
     return parser
 
