@@ -52,17 +52,13 @@ fn engine() -> Engine {
 
 fn speech(c: &mut Criterion) {
     let (engine, sound) = (engine(), sound());
-    let encoder = speech::compact(None).expect("built in");
     let mut group = c.benchmark_group("speech 5 s");
     group.sample_size(10);
-    group.bench_function("encoder", |b| {
-        b.iter(|| encoder.encode(black_box(&sound), SILENT))
-    });
     let ear = speech::ear(None).expect("built in");
     group.bench_function("ear", |b| b.iter(|| ear.encode(black_box(&sound), SILENT)));
     group.bench_function("ear from its weights", |b| b.iter(|| speech::ear(None)));
     let request = MotionRequest::default();
-    group.bench_function("encoder and denoiser", |b| {
+    group.bench_function("ear and denoiser", |b| {
         b.iter(|| engine.perform(black_box(&sound), &request, SILENT))
     });
     group.finish();

@@ -235,8 +235,11 @@ fn labels_that_are_vowels_alone_are_words() {
     assert_eq!(symbols("0.1 0.2 a\n0.2 0.3 i\n"), Symbols::Words);
 }
 
+/// A label with its start and end.
+type Row = (String, f64, f64);
+
 /// What a text gives: the kind, and each label with its times.
-fn told(text: &str, format: AnnotationFormat) -> Vec<(Symbols, Vec<(String, f64, f64)>)> {
+fn told(text: &str, format: AnnotationFormat) -> Vec<(Symbols, Vec<Row>)> {
     let annotation = Annotation::from_text(text, format, 24.0).unwrap();
     let rows = |tier: &Tier| {
         let row = |i: &Interval| (i.label.clone(), i.start_s, i.end_s);
@@ -245,7 +248,7 @@ fn told(text: &str, format: AnnotationFormat) -> Vec<(Symbols, Vec<(String, f64,
     annotation.tiers.iter().map(rows).collect()
 }
 
-fn row(label: &str, start_s: f64, end_s: f64) -> (String, f64, f64) {
+fn row(label: &str, start_s: f64, end_s: f64) -> Row {
     (label.into(), start_s, end_s)
 }
 

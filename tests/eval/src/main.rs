@@ -16,6 +16,7 @@ mod metrics;
 mod mouths;
 mod pictures;
 mod quality;
+mod sounds;
 mod stopwatch;
 mod template;
 mod tensors;
@@ -50,6 +51,7 @@ enum Command {
     Lids(lids::Lids),
     Live(live::Live),
     Mouths(mouths::Mouths),
+    Sounds(sounds::Sounds),
     Template(template::Template),
     Turned(turned::Turned),
 }
@@ -76,6 +78,7 @@ impl Arguments {
             Command::Lids(command) => command.run(&self.shared, &console),
             Command::Live(command) => command.run(&self.shared, &console),
             Command::Mouths(command) => command.run(&self.shared, &console),
+            Command::Sounds(command) => command.run(&self.shared, &console),
             Command::Creatures(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),

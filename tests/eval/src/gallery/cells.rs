@@ -17,6 +17,8 @@ use anyface::{
 const GAP: usize = 3;
 const SKIN: [f32; 3] = [0.55, 0.5, 0.47];
 const EYEBALL: [f32; 3] = [0.82, 0.86, 0.95];
+const TOOTH: [f32; 3] = [0.93, 0.91, 0.85];
+const LINING: [f32; 3] = [0.42, 0.16, 0.15];
 const HOT: [f32; 3] = [0.8, 0.03, 0.02];
 /// The mean error leaves out vertices whose true motion is no more than this, millimetres.
 const LEAST_MOTION_MM: f32 = 0.5;
@@ -144,7 +146,7 @@ impl Cells<'_> {
         picture
     }
 
-    /// Draws a frame `[V, 3]`, or the neutral face, with the eyeballs in their own colour.
+    /// Draws a frame `[V, 3]`, or the neutral face, with eyeballs, teeth and the mouth's lining in their own colours.
     pub(crate) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
         self.marked(moved, &[], view)
     }
@@ -156,11 +158,20 @@ impl Cells<'_> {
         marked: &[[u32; 3]],
         view: &View,
     ) -> Picture {
-        let is_eyeball = |t: &[u32; 3]| self.face.parts.is(t[0] as usize, PartRole::Gaze);
-        let colour = |t| match (marked.contains(t), is_eyeball(t)) {
-            (true, _) => HOT,
-            (false, true) => EYEBALL,
-            (false, false) => SKIN,
+        let of = |t: &[u32; 3]| {
+            let is = |role| self.face.parts.is(t[0] as usize, role);
+            let roles = [
+                (PartRole::Gaze, EYEBALL),
+                (PartRole::Jaw, TOOTH),
+                (PartRole::Skull, TOOTH),
+                (PartRole::Mouth, LINING),
+            ];
+            let known = roles.into_iter().find(|(role, _)| is(*role));
+            known.map_or(SKIN, |(_, colour)| colour)
+        };
+        let colour = |t| match marked.contains(t) {
+            true => HOT,
+            false => of(t),
         };
         let colours: Vec<_> = self.mesh.triangles.iter().map(colour).collect();
         self.draw(moved, &colours, view)

@@ -6,16 +6,16 @@ use super::raster::Picture;
 
 const HEIGHT: RasterHeight = RasterHeight::Size16;
 /// Height of a line of text, pixels.
-pub(super) const LINE: usize = 16;
+pub(crate) const LINE: usize = 16;
 
 /// Width of a text, pixels.
-pub(super) fn width(text: &str) -> usize {
+pub(crate) fn width(text: &str) -> usize {
     text.chars().count() * get_raster_width(FontWeight::Regular, HEIGHT)
 }
 
 /// Writes dark text with its upper left corner at (`left`, `top`). Skips pixels outside the picture
 /// and letters outside basic Latin.
-pub(super) fn write(picture: &mut Picture, text: &str, left: usize, top: usize) {
+pub(crate) fn write(picture: &mut Picture, text: &str, left: usize, top: usize) {
     let step = get_raster_width(FontWeight::Regular, HEIGHT);
     for (k, letter) in text.chars().enumerate() {
         let Some(letter) = get_raster(letter, FontWeight::Regular, HEIGHT) else {

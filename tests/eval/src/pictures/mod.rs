@@ -1,6 +1,6 @@
 //! Pictures for a report: plots as SVG, contact sheets as PNG.
 
-mod letters;
+pub(super) mod letters;
 pub(super) mod lip_plots;
 mod palette;
 pub(super) mod raster;
