@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 import torch
 
+from training.corpus.bank import Entry
 from training.corpus.lesson_windows import DIMS, LessonSampler
 from training.corpus.lessons import Lesson, taught_by
-from training.losses import landmark_weights
+from training.losses import FEATURES, landmark_weights
 from training.machine import Machine
 from training.nn.checkpoint import save, write_model
 from training.speech.causal import (
@@ -22,8 +23,8 @@ from training.speech.log_mel import log_mel, normalise
 from training.systems.freetalk import train_stream
 from training.systems.freetalk.ats import AtsDenoiser
 from training.systems.freetalk.ats import debug_config as debug_ats
-from training.systems.freetalk.evaluate import full_model
 from training.systems.freetalk.stored import load_models
+from training.systems.freetalk.strangers import full_model
 from training.systems.freetalk.train_stream import FullModel, loss_of
 
 
@@ -172,7 +173,34 @@ def test_a_finished_student_is_measured(lessons, model, tmp_path, monkeypatch, c
     assert all(len(row) == 5 for row in rows[1:])
 
 
-def test_a_run_without_takes_is_sampled_as_the_shipped_model(tmp_path):
+def test_a_run_without_a_speaker_is_sampled_as_the_shipped_model(tmp_path):
     save(tmp_path / "ats.pt", AtsDenoiser(debug_ats()))
-    sampling = full_model(tmp_path / "ats.pt")[1].denoiser.config.sampling
+    sampling = full_model(tmp_path / "ats.pt").denoiser.config.sampling
     assert sampling == load_models()[1].config.sampling
+
+
+def test_a_stranger_is_left_out_whole_and_scored_against_rulers():
+    from training.systems.freetalk import strangers
+
+    clips = []
+    for number in range(8):
+        random = torch.Generator().manual_seed(number)
+        mels = torch.randn(1, 160, 64, generator=random).half() - 5.0
+        motion = torch.zeros(40, DIMS)
+        motion[:, 3 * 66 + 1] = -4e-3 * mels[0].float().unflatten(0, (-1, 4)).mean((1, 2))
+        still = torch.ones(40, DIMS)
+        name = f"s{4 if number < 2 else 26}_{number}"
+        phones = torch.zeros(160, dtype=torch.int16)
+        clips.append(Entry(name, "grid_five", False, mels, motion, still, phones))
+    stranger = strangers.STRANGERS["s4"]
+    assert [stranger.has(clip) for clip in clips] == [True] * 2 + [False] * 6
+    assert stranger.flags() == ["--leave-clips", "s4_"]
+    assert strangers.STRANGERS["grid_s1"].flags() == ["--leave-out", "grid_s1"]
+    ruler = strangers.Ruler(clips[2:], "gap")
+    scores = strangers.Scores()
+    true = FEATURES["gap"](clips[0].motion)
+    scores.add(ruler(clips[0]), true, strangers.loudness(clips[0].mels[0]))
+    scores.add(true, true, strangers.loudness(clips[0].mels[0]))
+    summary = scores.summary()
+    assert scores.r[0] > 0.5 and abs(scores.r[1] - 1.0) < 1e-4
+    assert summary["interval"][0] <= summary["r"] <= summary["interval"][1]

@@ -6,7 +6,6 @@ The command fetches the tools from PyPI and npm into `--work` and runs them on t
 outputs that are already in the folder. Node with npm and Chromium (`apt install chromium`) must be installed.
 """
 
-import json
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
@@ -15,10 +14,10 @@ from typing import Annotated
 import numpy as np
 import torch
 
-from training import DATA, REPOSITORY
+from training import DATA
 from training.benchmarks.peers.fit import best_fit
-from training.benchmarks.peers.page import LEFT_OUT, page
-from training.benchmarks.peers.recordings import FEATURES, Recording, facegood, grid, mouth_features
+from training.benchmarks.peers.page import page
+from training.benchmarks.peers.recordings import Recording, facegood, grid, mouth_features
 from training.benchmarks.peers.table import Row, Source, best_lag, gap_correlation, measure
 from training.benchmarks.peers.tools import TOOLS, hear, read_outputs
 from training.corpus.clip import FPS, MEL_PER_FRAME, inner_gap
@@ -28,7 +27,6 @@ from training.flags import run_command
 
 MM, MS = 1000.0, 1000.0
 CONTEXT_FRAMES = (-4, -2, 0, 2, 4)
-WITHOUT = {"takes": "without_the_take", "strange": "without_facegood_zh"}
 OTHERS = "Anyface's model was trained on other clips of this speaker."
 BEGINNINGS = "Anyface's model was trained on what comes before in the same takes."
 MOST = "Anyface's model was trained on the first 85 % of each of these takes."
@@ -72,23 +70,6 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
             for r in recordings
         }
     return mouths, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
-
-
-def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json") -> list[Row]:
-    """Scores of the model `name` on whole takes that it never saw, from `docs/measured/left-out.json`. Empty
-    if it has none."""
-    sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
-    left_out_rows = []
-    for predictor in sources.get("facegood_zh_whole", []):
-        if predictor["name"] == name:
-            measures = {"r": "r_by_clip", "slope": "slope"}
-            scores = {
-                f"{f} {ours}": predictor["scores"][f"{f}_{theirs}"]["value"]
-                for f in FEATURES
-                for ours, theirs in measures.items()
-            }
-            left_out_rows.append(Row(f"{LEFT_OUT}{name}", scores))
-    return left_out_rows
 
 
 def rows(source: Source, predictions: Predictions) -> list[Row]:
@@ -142,7 +123,6 @@ def main(
     predictions.mouths, predictions.rest_mm = ours(anyface, data, spoken)
     for source in measured:
         source.rows = rows(source, predictions)
-        source.rows += left_out(WITHOUT.get(source.key, ""))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(page(measured, errors), encoding="utf-8")
     print(out)

@@ -7,7 +7,6 @@ from training.benchmarks.peers.table import Row, Source
 from training.benchmarks.peers.tools import TOOLS
 
 HEAD = Path(__file__).with_name("head.md")
-LEFT_OUT = "left-out.md: "
 MARGIN = 0.005
 READ = {
     "gap r": "gap",
@@ -69,7 +68,7 @@ def reading(sources: list[Source]) -> str:
         rows = {row.name: row.scores for row in source.rows}
         tools = [t.row for t in TOOLS if t.row in rows]
         if tools:
-            ours = [name for name in rows if name == "Anyface" or name.startswith(LEFT_OUT)]
+            ours = [name for name in rows if name == "Anyface"]
             sentences = [
                 above(rows, tools),
                 *(place(rows, ["loudness", "log-mel", *tools], name) for name in ours),
