@@ -88,7 +88,11 @@ impl EmotionEar {
             .map_err(|e| Error::Weights(format!("emotion_ear config.json: {e}")))?;
         let numbers = config.outputs + NUMBERS;
         Ok(EmotionEar {
-            encoder: Convolutions::load(&config, &weights.pp("encoder"))?,
+            encoder: Convolutions::load(
+                [INPUTS, config.channels],
+                [&config.fine_dilations, &config.coarse_dilations],
+                &weights.pp("encoder"),
+            )?,
             inner: Linear::load(&weights.pp("inner"), 2 * config.channels, config.hidden)?,
             outer: Linear::load(&weights.pp("outer"), config.hidden, config.outputs)?,
             layer: EmotionLayer::load("emotion_ear", weights, &config.emotions, numbers)?,

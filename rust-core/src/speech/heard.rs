@@ -5,11 +5,11 @@ use std::sync::{Arc, OnceLock};
 use ndarray::{Array2, ArrayView2};
 
 use super::{
-    EmotionEar, FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, SpeechEncoder, VoiceTrack,
-    at_motion_frames, encoder::frames_of,
+    EmotionEar, FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, Script, SpeechEncoder,
+    VoiceTrack, at_motion_frames, encoder::frames_of,
 };
 use crate::{
-    Result,
+    Error, Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
     job::{Progress, ProgressFn},
@@ -97,9 +97,18 @@ impl Heard {
         Some((phones, self.phone_rows.get_or_init(read).view()))
     }
 
-    /// Sets the log-posteriors of the phones `[R, K]`.
-    pub(super) fn take_phone_rows(&mut self, rows: Array2<f32>) {
+    /// Takes the phones from a script instead of the sound alone, for lips, tongue and shapes.
+    ///
+    /// # Errors
+    /// `Weights` if the phone model does not know this encoder's features; `InvalidInput` for a text
+    /// without a letter, or one too long for the sound.
+    pub(crate) fn follow(&mut self, script: &Script) -> Result<()> {
+        let phones = self.phones.as_ref().ok_or_else(|| {
+            Error::InvalidInput("script: expected an engine that hears phones, got none".into())
+        })?;
+        let rows = phones.told(self.sound(), script)?;
         self.phone_rows = OnceLock::from(rows);
+        Ok(())
     }
 
     /// How likely each emotion is over time, by the ear. `None` if the engine has no ear or a user's

@@ -3,6 +3,7 @@
 
 mod alignment;
 mod causal;
+mod clock;
 mod closures;
 mod contacts;
 mod conv_features;

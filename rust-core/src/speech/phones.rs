@@ -4,16 +4,16 @@
 //! four rows of posteriors for each of its frames. Row `r` belongs to second `(r − 2) / 100`. The
 //! model is loaded to find phones or words, and by systems that take lip contacts from it.
 
-use std::{ops::Range, path::Path};
+use std::path::Path;
 
 use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis};
 
 use super::{
     FeatureTrack, LipShapes, Script,
     alignment::{State, best_path, states_of},
+    clock::Clock,
     letters::Word,
     script::{rows_of, tell},
-    travel::EARLY_S,
 };
 use crate::{
     Error, Result,
@@ -243,7 +243,7 @@ impl PhoneModel {
         };
         let mut rows = self.log_posteriors(track.features.view());
         if let Script::Phones(phones) = script {
-            tell(&mut rows, phones, clock, self);
+            tell(&mut rows, phones, clock, &self.config.phones);
             return Ok(rows);
         }
         let script = script.between(0.0, duration_s);
@@ -347,28 +347,6 @@ impl PhoneModel {
                 *x += TEXT_POWER * p.max(LEAST).ln();
             }
         }
-    }
-}
-
-/// Converts rows to times, and back.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Clock {
-    pub(super) rate_hz: f64,
-    pub(super) duration_s: f64,
-}
-
-impl Clock {
-    /// The start of a row, seconds within the sound.
-    fn begins(self, row: usize) -> f64 {
-        let time_s = (row as f64 - 0.5) / self.rate_hz - EARLY_S;
-        time_s.clamp(0.0, self.duration_s)
-    }
-
-    /// The rows of a span of time, of `count` in all.
-    pub(super) fn rows(self, span_s: [f64; 2], count: usize) -> Range<usize> {
-        let row = |time_s: f64| ((time_s + EARLY_S) * self.rate_hz + 0.5).ceil().max(0.0) as usize;
-        let [start, end] = span_s.map(|time_s| row(time_s).min(count));
-        start..end.max(start)
     }
 }
 

@@ -4,11 +4,8 @@ use std::ops::Range;
 
 use ndarray::Array2;
 
-use super::{Heard, PhoneModel, phones::Clock};
-use crate::{
-    Error, Result,
-    annotation::{Annotation, Interval, Symbols, ipa},
-};
+use super::clock::Clock;
+use crate::annotation::{Annotation, Interval, Symbols, ipa};
 
 /// Probability that a phone with a time is the one that is said then.
 const TOLD: f32 = 0.97;
@@ -86,25 +83,8 @@ impl Script {
     }
 }
 
-impl Heard {
-    /// Takes the phones from a script instead of the sound alone, for lips, tongue and shapes.
-    ///
-    /// # Errors
-    /// `Weights` if the phone model does not know this encoder's features; `InvalidInput` for a text
-    /// without a letter, or one too long for the sound.
-    pub(crate) fn follow(&mut self, script: &Script) -> Result<()> {
-        let phones = self.phones.as_ref().ok_or_else(|| {
-            Error::InvalidInput("script: expected an engine that hears phones, got none".into())
-        })?;
-        let rows = phones.told(self.sound(), script)?;
-        self.take_phone_rows(rows);
-        Ok(())
-    }
-}
-
 /// Replaces the log-posteriors `[R, K]` of all rows that lie in a phone with a time.
-pub(super) fn tell(rows: &mut Array2<f32>, said: &[Interval], clock: Clock, model: &PhoneModel) {
-    let classes = model.classes();
+pub(super) fn tell(rows: &mut Array2<f32>, said: &[Interval], clock: Clock, classes: &[String]) {
     let other = ((1.0 - TOLD) / (classes.len() - 1).max(1) as f32).ln();
     for (span_s, sign) in said.iter().flat_map(parts) {
         let Some(class) = classes.iter().position(|known| known == sign) else {
@@ -122,18 +102,8 @@ fn parts(phone: &Interval) -> Vec<([f64; 2], &'static str)> {
     let signs = ipa(&phone.label);
     let (start_s, length_s) = (phone.start_s, phone.end_s - phone.start_s);
     let ends: Vec<f64> = match signs.len() {
-        0 => Vec::new(),
-        1 => vec![1.0],
-        count => {
-            let rest = (1.0 - FIRST_HALF) / (count - 1) as f64;
-            let first = if count == 2 {
-                FIRST_HALF
-            } else {
-                1.0 / count as f64
-            };
-            let rest = if count == 2 { rest } else { 1.0 / count as f64 };
-            (0..count).map(|k| first + rest * k as f64).collect()
-        }
+        2 => vec![FIRST_HALF, 1.0],
+        count => (1..=count).map(|k| k as f64 / count as f64).collect(),
     };
     let mut at_s = start_s;
     let spans = signs.into_iter().zip(ends).map(|(sign, end)| {
@@ -152,6 +122,7 @@ pub(super) fn rows_of(span_s: Option<[f64; 2]>, clock: Clock, count: usize) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::speech::PhoneModel;
 
     fn interval(start_s: f64, end_s: f64, label: &str) -> Interval {
         Interval {
@@ -192,7 +163,7 @@ mod tests {
             &mut rows,
             &[interval(0.2, 0.3, "m"), interval(0.3, 0.4, "AA")],
             clock,
-            &model,
+            model.classes(),
         );
         let class = |sign: &str| model.classes().iter().position(|c| c == sign).unwrap();
         let likeliest = |row: usize| {

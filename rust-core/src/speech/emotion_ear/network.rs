@@ -5,7 +5,6 @@
 
 use ndarray::{Array2, ArrayRef2};
 
-use super::{EmotionEarConfig, INPUTS};
 use crate::{
     Result,
     models::Weights,
@@ -22,19 +21,23 @@ pub(super) struct Convolutions {
 }
 
 impl Convolutions {
-    pub(super) fn load(config: &EmotionEarConfig, weights: &Weights) -> Result<Self> {
-        let channels = config.channels;
+    /// `dilations`: of the blocks at 50 Hz and at 25 Hz.
+    pub(super) fn load(
+        [inputs, channels]: [usize; 2],
+        dilations: [&[usize]; 2],
+        weights: &Weights,
+    ) -> Result<Self> {
         let blocks = |name, dilations| residual_blocks(&weights.pp(name), channels, dilations);
         Ok(Convolutions {
-            stem: same_length(&weights.pp("stem"), [channels, INPUTS, 5], 2, 1)?,
-            fine: blocks("fine", &config.fine_dilations)?,
+            stem: same_length(&weights.pp("stem"), [channels, inputs, 5], 2, 1)?,
+            fine: blocks("fine", dilations[0])?,
             down: same_length(&weights.pp("down"), [channels, channels, 3], 2, 1)?,
-            coarse: blocks("coarse", &config.coarse_dilations)?,
+            coarse: blocks("coarse", dilations[1])?,
             norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
         })
     }
 
-    /// `[T, 66]` to `[⌈⌈T/2⌉/2⌉, C]`.
+    /// `[T, inputs]` to `[⌈⌈T/2⌉/2⌉, C]`.
     pub(super) fn forward(&self, inputs: &ArrayRef2<f32>) -> Array2<f32> {
         let mut x = self.stem.forward_then(inputs, gelu_all);
         for block in &self.fine {
