@@ -110,11 +110,11 @@ class Request:
     `events` are for systems that take them. `emotion_of` is another recording: systems that hear
     emotion show the emotion of that one. A `layered` take keeps the emotion in vectors of its own.
     `neutral_voice` is a recording of the same person speaking neutrally: the emotion is then heard
-    in how the voice differs from it. `text` are the words that are spoken: their places are found in the
-    sound, and the mouth then shows their sounds. `output` names the output that writes the motion.
-    `starts_from` `[V, 3]` are displacements from rest, the pose in which the face begins, for
-    systems that can start from one. With `named_keys` the vectors of a basis follow controls and
-    have their names. Without it they are chosen so that the fewest of them move in a frame.
+    in how the voice differs from it. `text` are the words that are spoken: their places are found
+    in the sound, and the mouth then shows their sounds. `output` names the output that writes the
+    motion. `starts_from` `[V, 3]` are displacements from rest, the pose in which the face begins,
+    for systems that can start from one. With `named_keys` the vectors of a basis follow controls
+    and have their names. Without it they are chosen so that the fewest of them move in a frame.
     """
 
     fps: float

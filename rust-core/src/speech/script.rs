@@ -17,10 +17,11 @@ const AROUND_S: f64 = 0.12;
 /// What is said in a sound, as far as it is known.
 ///
 /// ```
+/// use std::sync::Arc;
 /// use anyface::{MotionRequest, speech::Script};
 ///
 /// let mut request = MotionRequest::default();
-/// request.script = Some(Script::Text("Bob made a map.".into()));
+/// request.script = Some(Arc::new(Script::Text("Bob made a map.".into())));
 /// # Ok::<(), anyface::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
