@@ -286,7 +286,7 @@ static void spoken_sounds(void) {
     CHECK_FAILS(anyface_sounds_new(NULL, NULL, &heard, &error), null_pointer, "engine");
     CHECK_FAILS(anyface_sounds_read("x.TextGrid", 0.0, &heard, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "fps");
-    CHECK_FAILS(anyface_sounds_read("x.srt", 24.0, &heard, &error), ANYFACE_STATUS_INVALID_INPUT,
+    CHECK_FAILS(anyface_sounds_read("x.abc", 24.0, &heard, &error), ANYFACE_STATUS_INVALID_INPUT,
                 ".TextGrid");
     CHECK_FAILS(anyface_sounds_read("not-there.tsv", 24.0, &heard, &error), ANYFACE_STATUS_IO,
                 "not-there.tsv");
