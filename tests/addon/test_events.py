@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import FPS, curves, everything, grid, stand_in, strip, tone
+from figures import FPS, babble, curves, everything, grid, stand_in, strip, tone
 from test_heads import HEAD, import_head
 
 START, SECONDS, CHANNEL = 11, 3.0, 5
@@ -371,7 +371,7 @@ def test_an_event_moves_its_slot_and_nothing_far_from_it_and_goes_with_its_strip
 
 
 def test_shapes_that_move_and_no_key_shows_are_named(addon, tmp_path):
-    strip(tone(tmp_path / "tone.wav", 1.0), frame=START)
+    strip(babble(tmp_path / "voice.wav", 1.0), frame=START)
     ob = import_head()
     ob.shape_key_add(name="Basis")
     ob.shape_key_add(name="eyeBlinkLeft").points[0].co.z += 0.01
@@ -399,7 +399,7 @@ def test_what_a_face_cannot_show_is_told_by_the_name_of_the_strip(addon):
 
 
 def test_what_hides_a_lip_stands_in_the_report(addon, tmp_path):
-    strip(tone(tmp_path / "tone.wav", 1.0), frame=START)
+    strip(babble(tmp_path / "voice.wav", 1.0), frame=START)
     ob = import_head()
     ob.anyface.system = SYSTEM
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
