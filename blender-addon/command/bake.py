@@ -62,7 +62,7 @@ def _numbers(take) -> dict:
 def _settings(ob, scene, options) -> bake.Settings:
     settings = from_object(ob, scene)
     if options.strip is not None or options.audio is not None:
-        settings.strips, settings.channel = [], 0
+        settings.strips, settings.channel, settings.text = [], 0, ""
     if options.strip is not None:
         settings.strip, settings.sound_file = options.strip, ""
     if options.audio is not None:
@@ -82,6 +82,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
         "emotion_file": os.path.abspath(options.emotion_of) if options.emotion_of else None,
         "neutral_voice": os.path.abspath(options.neutral_voice) if options.neutral_voice else None,
+        "text": _text(options),
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in values.items():
@@ -93,6 +94,18 @@ def _settings(ob, scene, options) -> bake.Settings:
         if (value := getattr(options, control.name)) is not None
     }
     return settings
+
+
+def _text(options) -> str | None:
+    """The words that are spoken; None if neither option gives them."""
+    if options.text_file is None:
+        return options.text
+    try:
+        with open(options.text_file, encoding="utf-8-sig") as file:
+            return file.read().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"--text-file {options.text_file}: expected a text in UTF-8: {error}"
+        raise AnyfaceError("input", message) from error
 
 
 def _set_emotion(settings: bake.Settings, text: str) -> None:

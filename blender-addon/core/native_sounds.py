@@ -56,16 +56,14 @@ class SoundCalls:
         path: str = "",
         closure_hold: int = 0,
         vowel_hold: int = 0,
-        text: str = "",
     ) -> list[tuple[float, float, str]]:
         """The drawn mouths of a take in order: start and end in seconds, and name of each.
 
         `mouths` is one of `MOUTHS`. A mouth may change only at every `on`-th frame and stays for
         `hold` frames or longer. `closure_hold` is the same for lips that close for p, b and m,
-        `vowel_hold` for the mouths of vowels; 0 stands for `hold`. `text` holds the spoken words
-        if they are known. If the request has closures, the lips close in those. With `path` the
-        chart is also written there, as by `write_sounds`. The other arguments are those of
-        `native.Engine.animate`. Raises `AnyfaceError`, or `Cancelled`.
+        `vowel_hold` for the mouths of vowels; 0 stands for `hold`. If the request has closures, the
+        lips close in those. With `path` the chart is also written there, as by `write_sounds`. The
+        other arguments are those of `native.Engine.animate`. Raises `AnyfaceError`, or `Cancelled`.
         """
         if mouths not in MOUTHS:
             known = " or ".join(MOUTHS)
@@ -75,7 +73,7 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
-            arguments = self._handle, self._audio(handles, sound), text.encode() or None
+            arguments = self._handle, self._audio(handles, sound), request.text.encode() or None
             said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
             if request.closures is not None:
                 said = self._mended(handles, said, request)

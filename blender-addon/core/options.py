@@ -96,6 +96,9 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
         metavar="FILE",
         help="a recording in which the same person speaks neutrally",
     )
+    text = task.add_mutually_exclusive_group()
+    text.add_argument("--text", metavar="WORDS", help="the words that are spoken")
+    text.add_argument("--text-file", metavar="FILE", help="a file with these words, UTF-8")
     task.add_argument(
         "--events", metavar="FILE", help="JSON file of events, used instead of strips and markers"
     )

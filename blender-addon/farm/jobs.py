@@ -18,8 +18,17 @@ from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
 from .paths import PathMap
 
-_PATHS = ("audio", "events", "emotion_of", "neutral_voice", "landmarks", "out", "weights")
-_READ = ("--audio", "--events", "--emotion-of", "--neutral-voice", "--landmarks")
+_PATHS = (
+    "audio",
+    "events",
+    "emotion_of",
+    "neutral_voice",
+    "text_file",
+    "landmarks",
+    "out",
+    "weights",
+)
+_READ = ("--audio", "--events", "--emotion-of", "--neutral-voice", "--text-file", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 _parser = functools.cache(options.step_parser)

@@ -83,6 +83,8 @@ class Settings:
     emotion_file: str = ""
     # A sound file in which the same person speaks neutrally, for systems that hear emotion.
     neutral_voice: str = ""
+    # The words that are spoken; empty if they are not known.
+    text: str = ""
     # Whether the take starts from the current pose of the face, for systems that can do that.
     starts_from_pose: bool = False
     # The other objects of the face, and roles of single connected parts by number.
@@ -199,6 +201,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
+        text=settings.text,
         layered=output.as_basis
         and settings.layered
         and systems.by_name(settings.system).hears_emotion,

@@ -146,6 +146,7 @@ def draw(layout, ob, scene, width: int) -> None:
         _draw_strips(layout, ob, scene)
     for text, icon in lines(ob, scene):
         words.draw(layout.column(align=True), text, width, icon)
+    layout.prop(bpy.context.scene.anyface, "text")
 
 
 def draw_emotion_strip(layout, ob, scene) -> None:

@@ -14,7 +14,7 @@ from ..core import mouth_chart
 from ..core.errors import AnyfaceError
 from ..scene.mouth_chart import chart, entry, outputs
 from ..scene.mouth_chart.outputs import KEYS, NUMBER, OBJECTS, PENCIL
-from . import audio, running, texts, words
+from . import audio, running, words
 from .operators import Acting, InThread
 from .panel import OfMorePanel
 from .settings import from_object
@@ -202,8 +202,8 @@ of an earlier chart are replaced; yours are not touched"""
             find(ob)
         stored = ob.anyface_mouth_chart
         holds = chart.Holds(stored.on, stored.hold, stored.hold_closures, stored.hold_vowels)
-        engine, said = running.engine(settings.system), texts.of(ob, scene)
-        return chart.read(ob, scene, settings, drawings(ob), holds, said, engine)
+        engine = running.engine(settings.system)
+        return chart.read(ob, scene, settings, drawings(ob), holds, engine)
 
     def finish(self, ob, snapshot, drawn):
         """Writes the keyframes."""

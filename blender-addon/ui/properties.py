@@ -260,7 +260,8 @@ class AnyfaceScene(PropertyGroup):
     texts: CollectionProperty(type=texts.AnyfaceText, options={"HIDDEN"})
     text: StringProperty(
         name="Text",
-        description="The words spoken in the character's sound; Show Sounds shows when",
+        description="The words that are spoken in the character's sound. The mouth then shows "
+        "their sounds; empty shows what is heard",
         get=texts.get,
         set=texts.put,
         options=set(),

@@ -7,7 +7,7 @@ from ..scene import copies, outputs
 from ..scene.animation import emotion
 from ..scene.bake import Settings
 from ..scene.shape_keys import artist_keys
-from . import audio, character, life, output_properties
+from . import audio, character, life, output_properties, texts
 
 # A face with this many keys of known names was built to speak.
 _MANY_KEYS = 10
@@ -35,6 +35,7 @@ def from_object(ob, scene=None) -> Settings:
     settings = Settings(**values, output=output_properties.read(ob))
     settings.holds = holding.Holds(stored.pose_on, stored.pose_closures, stored.pose_vowels)
     audio.fill(settings, ob, scene)
+    settings.text = texts.of(ob, scene)
     character.fill(settings, ob)
     settings.life = life.read(ob)
     return settings

@@ -33,7 +33,6 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
         row.operator("anyface.sounds_read", text="", icon="IMPORT")
         row.operator("anyface.sounds_write", text="", icon="EXPORT")
-        layout.prop(context.scene.anyface, "text")
         layout.operator("anyface.redo", icon="FILE_REFRESH")
         try:
             first, last = redo.between(sequencer_scene(context))
@@ -75,13 +74,14 @@ use Redo Stretch. The words of the text are shown above"""
 
 
 class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
-    """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, or lines of start, end, phone"""
+    """Show the sounds of a file: Praat, Rhubarb, Papagayo, Moho, times of text-to-speech, or \
+lines of start, end, phone"""
 
     bl_idname = "anyface.sounds_read"
     bl_label = "Read Sounds"
 
     filter_glob: StringProperty(
-        default="*.TextGrid;*.tsv;*.json;*.pgo;*.dat;*.txt", options={"HIDDEN"}
+        default="*.TextGrid;*.tsv;*.json;*.pgo;*.dat;*.txt;*.srt;*.vtt", options={"HIDDEN"}
     )
 
     def act(self, ob):

@@ -1,4 +1,4 @@
-"""The text of each sound, which *Mend* aligns; the scene stores one for each sound."""
+"""The words of each sound, which the mouth follows; the scene stores one text for each sound."""
 
 import bpy
 from bpy.props import StringProperty

@@ -91,6 +91,24 @@ def test_controls_on_the_command_line_replace_keyframes(run, tmp_path):
     assert request.controls["articulation"] == 0.5 and list(request.control_keys) == ["asymmetry"]
 
 
+def test_words_come_from_an_option_or_a_file(run, tmp_path, capfd):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(tone(tmp_path / "own.wav"))
+    bpy.context.scene.anyface.text = "what the own sound says"
+    bake = ("bake", "--object", "Head", "--save", tmp_path / "o.blend")
+    file, other = tmp_path / "said.txt", ("--audio", tone(tmp_path / "a.wav"))
+    file.write_text("\ufeffGood evening.\n", encoding="utf-8")
+    asked = (), other, ("--text", "hello"), (*other, "--text-file", file)
+    for words in asked:
+        assert run(*bake, *words) == 0
+    texts = [call[5].text for call in run.stage.calls]
+    assert texts == ["what the own sound says", "", "hello", "Good evening."]
+    assert run(*bake, "--text", "a", "--text-file", file) == 2
+    file.write_bytes(b"\xff\xfe\xff")
+    assert run(*bake, "--text-file", file) == 3
+    assert "UTF-8" in capfd.readouterr().err
+
+
 def test_exit_codes_differ_by_kind(run, tmp_path, capfd):
     grid()
     sound, out = tone(tmp_path / "a.wav"), tmp_path / "o.blend"

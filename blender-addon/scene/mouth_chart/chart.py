@@ -43,7 +43,6 @@ class Snapshot:
     request: Request
     drawings: Drawings
     holds: Holds
-    text: str
     scene_fps: float
     scene_start: int
     engine: object
@@ -71,7 +70,7 @@ class Snapshot:
         holds = self.holds
         return self.engine.chart(
             *face, voice, self.request, progress, self.drawings.kind, holds.on, holds.hold,
-            closure_hold=holds.closures, vowel_hold=holds.vowels, text=self.text,
+            closure_hold=holds.closures, vowel_hold=holds.vowels,
         )  # fmt: skip
 
 
@@ -83,7 +82,7 @@ class Chart:
     note: str = ""
 
 
-def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, text, engine):
+def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, engine):
     """Reads the sound of `ob`, and its face if it is a mesh.
 
     Raises `AnyfaceError` with a message.
@@ -95,13 +94,13 @@ def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, t
     keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
     request = Request(
         fps=fps, seed=settings.seed, style=settings.style, emotion_source="OFF",
-        controls=settings.controls, control_keys=keys,
+        controls=settings.controls, control_keys=keys, text=settings.text,
     )  # fmt: skip
     is_face = ob.type == "MESH" and len(ob.data.polygons) > 0
     face = bake.read_face(ob, settings, editable=False) if is_face else None
     request.roles = face.roles if face is not None else None
     return Snapshot(
-        face, source, request, drawings, holds, text, fps, scene.frame_start, engine,
+        face, source, request, drawings, holds, fps, scene.frame_start, engine,
         sounds.read(scene, source),
     )  # fmt: skip
 
