@@ -1,7 +1,7 @@
 """Finds when the words of a text are said: letters, the phones that each may stand for, and the best path.
 
-Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary. A text becomes units, each a letter or
-one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
+Twin of `rust-core/src/speech/alignment.rs`, which also reads English words in a dictionary
+(`training.speech.pronunciations`). Here a text becomes units, each a letter or one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
 unit may be silent. Pauses may occur before, between and after words. The most probable path (Viterbi 1967)
 through the frames tells when each unit is spoken.
 """
@@ -44,6 +44,18 @@ RULES = {
     "qu": "kw", "aa": "aɑ",
 }  # fmt: skip
 """Phone classes that each unit can stand for in any language of Europe."""
+
+PHONES = tuple(f"/{sign}" for sign in CLASSES if sign != "_")
+"""Units of words in a dictionary: a slash and a phone class."""
+
+ALSO = {
+    "ɑ": "ɔaʌ", "æ": "aɛə", "ʌ": "əɑɪ", "ɔ": "ɑoʊ", "ə": "ʌɪɛ", "ɛ": "eæɪ", "e": "ɛɪ", "ɪ": "iəɛ", "i": "ɪ",
+    "ɝ": "ɹəɔ", "o": "ɔʊə", "ʊ": "uəw", "u": "ʊyw", "a": "ɑæʌ", "t": "d", "d": "t", "s": "z", "z": "s", "ð": "dθ",
+    "θ": "ðt", "v": "f", "f": "v", "p": "b", "b": "p", "ɡ": "k", "k": "ɡ", "ɹ": "rɝw", "w": "uv", "h": "x", "j": "i",
+    "ʃ": "ʒ", "ʒ": "ʃ", "n": "ŋ", "ŋ": "n",
+}  # fmt: skip
+"""Classes as which a phone of the dictionary is also said or heard."""
+ALSO_SHARE = 0.2
 
 LEAST_ROWS = 3
 """Number of successive states of a unit. A letter lasts this many rows or more, unless a path skips some."""
@@ -126,6 +138,17 @@ def table_of_rules(smooth: float = 0.05) -> np.ndarray:
     for index, unit in enumerate(UNITS):
         kinds = [signs.index(s) for s in RULES.get(unit, "".join(signs[1:]))]
         table[index, kinds] += (1.0 - smooth) / len(kinds)
+    return table
+
+
+def table_of_phones(smooth: float = 0.05) -> np.ndarray:
+    """Probabilities [P, K] of the classes for each unit of `PHONES`: mostly its own, then those of `ALSO`."""
+    signs = list(CLASSES)
+    table = np.full((len(PHONES), len(signs)), smooth / len(signs))
+    for row, unit in zip(table, PHONES, strict=True):
+        also = [signs.index(s) for s in ALSO.get(unit[1:], unit[1:])]
+        row[also] += ALSO_SHARE / len(also)
+        row[signs.index(unit[1:])] += 1.0 - smooth - ALSO_SHARE
     return table
 
 

@@ -23,7 +23,7 @@ from training.nn.checkpoint import write_model
 from training.run import downhill, seeded
 from training.speech.ear import Ear
 from training.speech.letters import NEVER as LETTERS_NEVER
-from training.speech.letters import UNITS, best_path, table_of_rules
+from training.speech.letters import PHONES, UNITS, best_path, table_of_phones, table_of_rules
 from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, class_of_segment
 
 FRAMES = 64
@@ -130,8 +130,9 @@ def train(arguments) -> Path:
     fit(model, timed, arguments.steps // 2, arguments.batch, arguments.seed)
     timed += read_texts(model, texts)
     fit(model, timed, arguments.steps, arguments.batch, arguments.seed + 1)
-    state = model.state_dict() | {"table": torch.from_numpy(table_of_rules()).float()}
-    config = model.config.to_json() | {"units": list(UNITS)}
+    table = np.concatenate([table_of_rules(), table_of_phones()])
+    state = model.state_dict() | {"table": torch.from_numpy(table).float()}
+    config = model.config.to_json() | {"units": [*UNITS, *PHONES]}
     return write_model(arguments.out, state, config)
 
 

@@ -191,7 +191,7 @@ impl BuiltIn {
     }
 
     /// Whether its weights still have to be fetched.
-    fn is_awaited(&self, folder: Option<&Path>) -> Result<bool> {
+    pub(crate) fn is_awaited(&self, folder: Option<&Path>) -> Result<bool> {
         let is_here = self.config.is_empty() || !self.shipped().is_empty();
         Ok(!is_here && self.place(folder)?.is_none())
     }

@@ -84,11 +84,12 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     out
 }
 
-/// The state of each frame on the best path, `[T]`. `None` if there is no path.
+/// The state of each frame on the best path, `[T]`, and how likely the path is, nepers. `None` if there
+/// is no path.
 ///
 /// `emission`: nepers of each frame in each column, `[T, columns]`. From a state the path stays,
 /// advances by one, or skips states at their cost.
-pub(super) fn best_path(emission: &Array2<f32>, states: &[State]) -> Option<Vec<usize>> {
+pub(super) fn best_path(emission: &Array2<f32>, states: &[State]) -> Option<(Vec<usize>, f64)> {
     best_path_within(emission, states, REACH)
 }
 
@@ -99,7 +100,11 @@ struct Back {
     moves: Vec<u8>,
 }
 
-fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> Option<Vec<usize>> {
+fn best_path_within(
+    emission: &Array2<f32>,
+    states: &[State],
+    reach: usize,
+) -> Option<(Vec<usize>, f64)> {
     let count = states.len();
     let costs = costs_before(states);
     let mut backs: Vec<Back> = Vec::with_capacity(emission.nrows());
@@ -126,7 +131,7 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     let ends = (first..first + scores.len()).filter(|end| count - 1 - end <= LONGEST_SKIP);
     let ends = ends.map(|end| (end, scores[end - first] - (costs[count] - costs[end + 1])));
     let (end, best) = ends.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (best > -f64::from(NEVER) / 10.0).then(|| back_from(end, &backs))
+    (best > -f64::from(NEVER) / 10.0).then(|| (back_from(end, &backs), best))
 }
 
 /// The cost of skipping all states before each state, `[N + 1]`, nepers.
@@ -236,12 +241,11 @@ mod tests {
                 let words: Vec<Word> = text.iter().map(|word| Word::of(word)).collect();
                 let states = states_of(&words, 3);
                 let emission = noise(7, 4, seed);
-                let path = best_path(&emission, &states).unwrap();
+                let (path, likely) = best_path(&emission, &states).unwrap();
                 let best = slow_best(&emission, &states).unwrap();
-                assert!(
-                    (score(&emission, &states, &path) - best).abs() < 1e-5,
-                    "{path:?}"
-                );
+                let walked = score(&emission, &states, &path);
+                assert!((walked - best).abs() < 1e-5, "{path:?}");
+                assert!((likely - best).abs() < 1e-5, "{path:?}");
             }
         }
     }
@@ -271,7 +275,7 @@ mod tests {
                 -5.0
             }
         });
-        assert!(best_path_within(&emission, &states, 20).unwrap() == expected);
-        assert!(best_path(&emission, &states).unwrap() == expected);
+        assert!(best_path_within(&emission, &states, 20).unwrap().0 == expected);
+        assert!(best_path(&emission, &states).unwrap().0 == expected);
     }
 }

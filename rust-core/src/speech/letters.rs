@@ -5,6 +5,8 @@
 /// A letter with an unknown sound.
 const ANY: &str = "*";
 const VOWELS: &str = "aeiouy";
+/// The names of units that are phones instead of letters begin with this.
+const PHONE: char = '/';
 
 /// Letters that are spelt with other letters from a to z.
 const SPECIAL: [(char, &str); 11] = [
@@ -89,6 +91,20 @@ impl Word {
             units: numbers,
             is_name: false,
         }
+    }
+
+    /// A word of the dictionary, by its phones. `None` if the model has no unit for one of them.
+    pub(super) fn sound(phones: &[&str], units: &[String]) -> Option<Word> {
+        let of = |phone: &&str| {
+            units
+                .iter()
+                .position(|unit| unit.strip_prefix(PHONE) == Some(phone))
+        };
+        let units = phones.iter().map(of).collect::<Option<Vec<usize>>>()?;
+        Some(Word {
+            units,
+            is_name: false,
+        })
     }
 
     #[cfg(test)]

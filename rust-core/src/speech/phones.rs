@@ -4,7 +4,10 @@
 //! four rows of posteriors for each of its frames. Row `r` belongs to second `(r − 2) / 100`. The
 //! model is loaded to find phones or words, and by systems that take lip contacts from it.
 
-use std::path::Path;
+use std::{
+    collections::HashSet,
+    path::{Path, PathBuf},
+};
 
 use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis};
 
@@ -13,6 +16,7 @@ use super::{
     alignment::{State, best_path, states_of},
     clock::Clock,
     letters::Word,
+    pronunciations::{PRONUNCIATIONS, Pronunciations, spelled},
     script::{rows_of, tell},
 };
 use crate::{
@@ -47,7 +51,7 @@ pub struct PhoneConfig {
     pub hidden: usize,
     /// The IPA sign of each class `K`. The first is a pause.
     pub phones: Vec<String>,
-    /// Letters and groups of letters `U`.
+    /// Units `U` of words: letters, groups of letters and, after a slash, phones of the dictionary.
     pub units: Vec<String>,
 }
 
@@ -60,6 +64,8 @@ pub struct PhoneModel {
     log_prior: Array1<f32>,
     /// `[U, K]`, probability of each class for a unit.
     table: Array2<f32>,
+    /// Folder of models, which may hold a dictionary.
+    folder: Option<PathBuf>,
 }
 
 /// Phones with closed lips.
@@ -72,8 +78,9 @@ const VOWELS: &[&str] = &[
 /// An f or v counts only near a vowel, because hiss has no vowels. It does not count if the vowel's
 /// probability is below the first value, and counts fully above the second.
 const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];
-/// The vowel must lie within this many frames of the f or v.
-const VOWEL_FRAMES: usize = 10;
+/// The vowel must lie within this many frames of the f or v: further away, breath and the noise of a
+/// pause sound like one.
+const VOWEL_FRAMES: usize = 2;
 
 /// Probability of each contact of the lips in each frame, `[T]`, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +109,11 @@ impl PhoneModel {
     /// Those of [`BuiltIn::open`] and [`PhoneModel::load`].
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = PHONE_MODEL.open(folder)?;
-        PhoneModel::load(&files.weights, &files.config)
+        let model = PhoneModel::load(&files.weights, &files.config)?;
+        Ok(PhoneModel {
+            folder: folder.map(Path::to_owned),
+            ..model
+        })
     }
 
     /// From the bytes of `model.safetensors` and the text of `config.json`.
@@ -124,6 +135,7 @@ impl PhoneModel {
             out: Linear::load(&weights.pp("out"), hidden, PARTS * classes)?,
             log_prior: weights.vector("log_prior", classes)?,
             table: weights.matrix("table", units, classes)?,
+            folder: None,
             config,
         })
     }
@@ -284,6 +296,9 @@ impl PhoneModel {
 
     /// Finds the times of words, which stay near the times that are known of them. Adds the words'
     /// evidence to each row of `likelihood` `[T, K]`.
+    ///
+    /// Words are read letter by letter, and once more as English where the dictionary has them. The
+    /// likelier path counts, so a text needs no language.
     fn align(
         &self,
         likelihood: &mut Array2<f32>,
@@ -291,24 +306,32 @@ impl PhoneModel {
         clock: Clock,
     ) -> Result<Vec<Interval>> {
         let units = &self.config.units;
-        let words: Vec<Word> = spoken
-            .iter()
-            .map(|(word, _)| Word::read(word, units))
-            .collect();
-        if words.iter().all(|word| word.units.is_empty()) {
+        let letters = |(word, _): &(&str, _)| Word::read(word, units);
+        let letters: Vec<Word> = spoken.iter().map(letters).collect();
+        if letters.iter().all(|word| word.units.is_empty()) {
             let message = "text: expected words that are said in the sound, got no letter";
             return Err(Error::InvalidInput(message.into()));
         }
-        let mut states = states_of(&words, units.len());
-        for state in &mut states {
-            let span_s = state.word.and_then(|word| spoken[word].1);
-            state.rows = rows_of(span_s, clock, likelihood.nrows());
-        }
-        let path = best_path(&self.emissions(likelihood), &states).ok_or_else(|| {
+        let emissions = self.emissions(likelihood);
+        let english = self.english(spoken, &letters)?;
+        let paths = [Some(letters), english]
+            .into_iter()
+            .flatten()
+            .filter_map(|words| {
+                let mut states = states_of(&words, units.len());
+                for state in &mut states {
+                    let span_s = state.word.and_then(|word| spoken[word].1);
+                    state.rows = rows_of(span_s, clock, likelihood.nrows());
+                }
+                let (path, likely) = best_path(&emissions, &states)?;
+                Some((path, states, likely))
+            });
+        let likeliest = paths.max_by(|a, b| a.2.total_cmp(&b.2));
+        let (path, states, _) = likeliest.ok_or_else(|| {
             Error::InvalidInput(format!(
                 "text: expected the words that are said in {:.2} s of sound, got {}, too many for it",
                 clock.duration_s,
-                words.len()
+                spoken.len()
             ))
         })?;
         self.weigh(likelihood, &path, &states);
@@ -316,6 +339,43 @@ impl PhoneModel {
         Ok(intervals(&word_of, clock, |word| {
             word.map(|word| trimmed(spoken[word].0).to_owned())
         }))
+    }
+
+    /// The words of a text by their phones in English, and letter by letter those that the dictionary does
+    /// not have. `None` if it has none of them.
+    fn english(
+        &self,
+        spoken: &[(&str, Option<[f64; 2]>)],
+        letters: &[Word],
+    ) -> Result<Option<Vec<Word>>> {
+        if PRONUNCIATIONS.is_awaited(self.folder.as_deref())? {
+            return Ok(None);
+        }
+        let parts: Vec<_> = spoken.iter().map(|(word, _)| spelled(word)).collect();
+        let every: HashSet<&str> = parts
+            .iter()
+            .flatten()
+            .flatten()
+            .map(String::as_str)
+            .collect();
+        let dictionary = Pronunciations::open(self.folder.as_deref())?;
+        let known = dictionary.phones_of(&every);
+        let sound = |parts: &Option<Vec<String>>| {
+            let phones = parts.iter().flatten();
+            let phones = phones.map(|part| known.get(part.as_str()).map(Vec::as_slice));
+            let phones = phones.collect::<Option<Vec<_>>>()?.concat();
+            Word::sound(&phones, &self.config.units).filter(|word| !word.units.is_empty())
+        };
+        let sounds: Vec<Option<Word>> = parts.iter().map(sound).collect();
+        if sounds.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let words = sounds.into_iter().zip(letters);
+        Ok(Some(
+            words
+                .map(|(sound, letters)| sound.unwrap_or_else(|| letters.clone()))
+                .collect(),
+        ))
     }
 
     /// Log-likelihood of each row for each unit and, in the last column, for a pause, `[T, U + 1]`,

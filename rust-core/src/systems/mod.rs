@@ -83,6 +83,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::TRUNK_MODEL,
         &speech::EAR_MODEL,
         &speech::PHONE_MODEL,
+        &speech::PRONUNCIATIONS,
         &speech::EMOTION_ENCODER,
         &speech::EMOTION_EAR,
         &speech::EMOTION_OF_WHISPER,

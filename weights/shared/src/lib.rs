@@ -67,6 +67,8 @@ macro_rules! model {
 pub static EAR: Model = model!("ear");
 /// Turns features of the ear into phones.
 pub static PHONES: Model = model!("phones");
+/// How English words sound.
+pub static PRONUNCIATIONS: Model = model!("pronunciations");
 /// Hears when the lips are together, while somebody is speaking.
 pub static LIVE_CLOSURES: Model = model!("live_closures");
 /// Turns a voice into numbers for its emotion.

@@ -54,7 +54,7 @@ fn the_path_through_a_text_matches_the_training_code() {
     let words = text.split_whitespace();
     let words: Vec<Word> = words.map(|w| Word::read(w, &model.config.units)).collect();
     let states = states_of(&words, model.config.units.len());
-    let path = best_path(&model.emissions(&likelihood), &states).unwrap();
+    let (path, _) = best_path(&model.emissions(&likelihood), &states).unwrap();
     let unit = |state: &usize| {
         states[*state]
             .word
