@@ -27,7 +27,7 @@ TOUCHING_M = -0.5e-3
 BEFORE_FRAMES = 2
 FASTEST_M_S, SPEED_UP_S = 0.28, 0.02
 """Greatest speed of closing and opening lips in m/s, and the seconds they take to reach it."""
-HALF_TOUCH_S = 0.015
+HALF_TOUCH_S = 0.014
 EDGES_S = 0.13
 REACH_S = 0.02
 NEAR_M = 0.5e-3

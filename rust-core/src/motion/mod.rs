@@ -50,7 +50,8 @@ use crate::{Result, deform::CodeSpace};
 pub use apply_controls::{Cues, LandmarkController};
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
-pub(crate) use contacts::{Parting, narrow, opening};
+pub use contacts::WidthGain;
+pub(crate) use contacts::{Parting, narrow, opening, width as mouth_width};
 #[cfg(feature = "cafe-talk")]
 pub(crate) use controls::control_named;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};

@@ -12,8 +12,8 @@ const FASTEST_OF_ALL_M_S: f64 = 0.33;
 /// Time in which lips reach their greatest speed, seconds.
 const SPEED_UP_S: f64 = 0.02;
 /// Half of the shortest touch, seconds. Because lips part slowly at first, they are within 0.5 mm of
-/// touching for about 60 ms.
-const HALF_TOUCH_S: f64 = 0.015;
+/// touching for about 55 ms.
+const HALF_TOUCH_S: f64 = 0.014;
 /// Part of a long heard contact in which the lips still approach or already part, seconds.
 const EDGES_S: f64 = 0.13;
 /// The smallest opening is looked for this long before and after a heard contact, seconds.

@@ -8,6 +8,7 @@ mod approach;
 mod lips;
 mod shapes;
 mod teeth;
+mod width;
 
 use super::{FaceModes, LandmarkClip};
 use crate::{Result, speech::LipContacts};
@@ -16,6 +17,7 @@ pub use approach::{Parting, approach, restore_contacts};
 pub use lips::{TOUCHING_M, narrow, opening};
 pub use shapes::{chin, forward, gap, missing, width};
 pub use teeth::{AT_TEETH_M, LIP, distance, excess};
+pub use width::WidthGain;
 
 impl LandmarkClip {
     /// Shapes the mouth ([`crate::speech::LIP_SHAPES`]), brings the lower lip to the upper teeth for

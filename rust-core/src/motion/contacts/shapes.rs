@@ -88,7 +88,7 @@ pub fn chin(face: ArrayView2<'_, f32>) -> f32 {
 }
 
 /// Adds a mode `[68, 3]` to some landmarks of a face.
-fn add(
+pub(super) fn add(
     face: &mut ArrayViewMut2<'_, f32>,
     landmarks: impl Iterator<Item = usize>,
     mode: &Array2<f32>,

@@ -19,6 +19,7 @@ use crate::{
 const LENGTHS: usize = 4;
 /// The chin is aimed at first, by the jaw alone: the lips follow it.
 const CHIN: usize = 0;
+const MOUTH_WIDTH: usize = 2;
 const JAW: &str = "jawOpen";
 /// Shapes that narrow, widen, part and close the lips and bring them forward, without the jaw.
 const LIPS: [&str; 7] = [
@@ -30,6 +31,11 @@ const LIPS: [&str; 7] = [
     "mouthLowerDownRight",
     "mouthClose",
 ];
+/// Those that narrow and widen the mouth.
+const WIDTH: [&str; 3] = ["mouthPucker", "mouthStretchLeft", "mouthStretchRight"];
+/// How far the lips widen and narrow the mouth, times what the network learned. Smiles, the jaw and the price
+/// of a weight leave about 1.5 of it.
+const WIDTH_GAIN: f32 = 2.0;
 /// The largest weights that are set here, unless they were larger before.
 const MOST: f32 = 0.9;
 
@@ -42,6 +48,7 @@ pub struct MouthLengths {
     free: Array2<f32>,
     jaw: Option<usize>,
     lips: Vec<usize>,
+    width: Vec<usize>,
 }
 
 impl MouthLengths {
@@ -64,17 +71,19 @@ impl MouthLengths {
             free: Array2::zeros((names.len(), 0)),
             jaw: names.iter().position(|name| name == JAW),
             lips: columns(names, |name| LIPS.contains(&name)),
+            width: columns(names, |name| WIDTH.contains(&name)),
         }
     }
 
-    /// Brings the mouth of a clip to the shapes, as far as it is not there yet, except in frames with
-    /// an event `over_speech`. The jaw goes first, then the lips.
+    /// Widens and narrows the mouth of a clip by [`WIDTH_GAIN`] and brings it to the shapes, as far as it
+    /// is not there yet, except in frames with an event `over_speech`. The jaw goes first, then the lips.
     pub fn take_shapes(&self, clip: &mut WeightClip, shapes: &LipShapes, over_speech: &[bool]) {
         let degrees = shapes.at_frames(clip.weights.nrows(), clip.fps);
         for (t, mut row) in clip.weights.outer_iter_mut().enumerate() {
             if over_speech.get(t) == Some(&true) {
                 continue;
             }
+            self.widen(&mut row);
             for (number, shape) in LIP_SHAPES.iter().enumerate() {
                 let degree = degrees[[t, number]];
                 if degree > 0.0 {
@@ -82,6 +91,21 @@ impl MouthLengths {
                 }
             }
         }
+    }
+
+    /// Makes the mouth [`WIDTH_GAIN`] times as wide or narrow as the lips make it in speech. Smiles and the
+    /// jaw count as they are.
+    fn widen(&self, weights: &mut ArrayViewMut1<'_, f32>) {
+        let by = self.by.row(MOUTH_WIDTH);
+        let said: f32 = self.lips.iter().map(|&s| weights[s] * by[s]).sum();
+        let moving = self.width.iter().map(|&s| (s, weights[s].max(MOST)));
+        let moving: Vec<(usize, f32)> = moving.collect();
+        let aim = Aim {
+            by,
+            goal: weights.dot(&by) + (WIDTH_GAIN - 1.0) * said,
+            slack: 0.0,
+        };
+        reach(weights, &[aim], &self.free, &moving);
     }
 
     fn take_shape(&self, weights: &mut ArrayViewMut1<'_, f32>, shape: &LipShape, degree: f32) {

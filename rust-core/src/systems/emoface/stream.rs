@@ -2,15 +2,15 @@
 
 use std::sync::{Arc, OnceLock};
 
-use ndarray::ArrayView1;
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
-use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
+use super::{EmoFaceConfig, HeardFrame, Layer, MadeFrame, Model, Progressing};
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
     conditions::{EMOTIONS, Emotion},
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkFrame, LiveClosures, MotionStream},
+    motion::{LandmarkFrame, LiveClosures, MotionStream, WidthGain, mouth_width},
     speech::{
         CausalModel, CausalSpeech, EmotionEar, EmotionEncoder, LiveEar, LiveEmotion, VoiceGate,
     },
@@ -28,6 +28,8 @@ pub struct LiveParts {
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
+    /// Widens the mouth.
+    pub width: WidthGain,
     /// The content features of silence, `[C]`, computed for the first stream.
     pub silence: OnceLock<Vec<f32>>,
 }
@@ -168,10 +170,13 @@ impl MotionStream for EmoFaceStream {
             level,
         };
         let frame = self.parts.model.step(heard, Layer::Both, &mut self.state);
+        let said = said_width(config, &frame);
         let mut frame = LandmarkFrame {
             index,
             displacements: landmarks(config, frame.layer(Layer::Both)),
         };
+        let mut face = ArrayViewMut2::from(&mut frame.displacements);
+        self.parts.width.widen(&mut face, said);
         self.closures.close(&mut frame, spoken);
         Some(frame)
     }
@@ -239,6 +244,14 @@ pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
         let is_known = config.emotions.iter().any(|name| name == EMOTIONS[e]);
         if is_known { mixture[e] } else { 0.0 }
     })
+}
+
+/// How far the content branch alone widens the mouth in a frame, metres.
+pub fn said_width(config: &EmoFaceConfig, frame: &MadeFrame) -> f32 {
+    mouth_width(ArrayView2::from(&landmarks(
+        config,
+        frame.layer(Layer::Content),
+    )))
 }
 
 /// Picks the landmarks from a layer's vertices `values`, `[3 V]` metres.

@@ -5,13 +5,13 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
+use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView2};
 
 use super::{
     EmoFaceConfig, HeardFrame, Layer, Model,
     emotion_source::EmotionSource,
     read_template,
-    stream::{EmoFaceStream, LiveParts, known, landmarks, prototype},
+    stream::{EmoFaceStream, LiveParts, known, landmarks, prototype, said_width},
 };
 use crate::{
     Error, Result,
@@ -25,7 +25,7 @@ use crate::{
     motion::{
         self, CLOSURES_MODEL, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
-        PERFORMANCE_CONTROLS, Template, TemplateMask, style_number,
+        PERFORMANCE_CONTROLS, Template, TemplateMask, WidthGain, style_number,
     },
     speech::{CausalModel, EAR_MODEL, EmotionEar, Heard},
     spread::TemplateOnFace,
@@ -211,13 +211,14 @@ impl EmoFace {
         let template = read_template(&weights, &config)?.map(Arc::new);
         let model = Arc::new(Model::new(config, &weights)?);
         let ear = Arc::new(EmotionEar::open(folder)?);
-        let live = live_parts(folder, &model, &source, &ear)?.map(Arc::new);
+        let modes = Arc::new(FaceModes::open(folder)?);
+        let live = live_parts(folder, &model, &source, &ear, &modes)?.map(Arc::new);
         Ok(EmoFace {
             space: Arc::new(TemplateSpace { model, template }),
             source,
             ear,
             live,
-            modes: Arc::new(FaceModes::open(folder)?),
+            modes,
             expressions: Arc::new(Expressions::open(folder)?),
         })
     }
@@ -332,6 +333,7 @@ impl System for EmoFace {
         let mut state = self.model().start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
         let mut codes = Array2::zeros((frames, self.model().code_size()));
+        let mut said = Array1::zeros(frames);
         for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
@@ -343,11 +345,16 @@ impl System for EmoFace {
             let next = self.model().step(now, layer, &mut state);
             let moved = landmarks(self.config(), next.layer(layer));
             frame.assign(&ArrayView2::from(&moved));
+            if layer != Layer::Emotion {
+                said[t] = said_width(self.config(), &next);
+            }
             codes.row_mut(t).assign(&ArrayView1::from(&next.code));
         }
         report(progress, "sample", 1.0)?;
         let out_frames = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, out_frames);
+        let said = motion::at_rate(said.view(), fps / request.fps, out_frames);
+        clip.widen(&said.to_vec(), &self.modes)?;
         let contacts = heard.contacts(request.closures.as_deref());
         clip.make_contacts(&contacts, &self.modes)?;
         let strength = |t: usize| {
@@ -405,6 +412,7 @@ fn live_parts(
     model: &Arc<Model>,
     source: &EmotionSource,
     ear: &Arc<EmotionEar>,
+    modes: &FaceModes,
 ) -> Result<Option<LiveParts>> {
     let input = &model.config().speech;
     let EmotionSource::BuiltIn(emotion) = source else {
@@ -424,6 +432,7 @@ fn live_parts(
         emotion: Arc::clone(emotion),
         ear: Arc::clone(ear),
         model: Arc::clone(model),
+        width: WidthGain::new(modes)?,
         silence: OnceLock::new(),
     }))
 }
@@ -442,7 +451,10 @@ mod tests {
             let config = EmoFaceConfig { fps, ..config };
             let source = EmotionSource::open(None, &config).unwrap();
             let model = Arc::new(Model::new(config, &weights).unwrap());
-            live_parts(None, &model, &source, &ear).unwrap().is_some()
+            let modes = FaceModes::open(None).unwrap();
+            live_parts(None, &model, &source, &ear, &modes)
+                .unwrap()
+                .is_some()
         };
         assert!(has_stream(25.0) && !has_stream(30.0));
     }

@@ -271,6 +271,7 @@ impl System for FaceTalk {
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         let contacts = heard.contacts(request.closures.as_deref());
+        landmarks.widen(&landmarks.widths(), &self.modes)?;
         landmarks.make_contacts(&contacts, &self.modes)?;
         Ok(self.motion(codes, landmarks).into())
     }

@@ -12,11 +12,16 @@ mod tests;
 
 use std::sync::Arc;
 
+use ndarray::ArrayViewMut2;
+
 use crate::{
     Error, Result,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    motion::{CausalExpression, LandmarkFrame, LiveClosures, MotionStream, too_short},
+    motion::{
+        CausalExpression, LandmarkFrame, LiveClosures, MotionStream, WidthGain, mouth_width,
+        too_short,
+    },
     speech::{CausalModel, CausalSpeech, VoiceGate, seconds_of},
 };
 
@@ -29,6 +34,7 @@ pub struct CausalStream {
     closures: LiveClosures,
     gate: VoiceGate,
     expression: CausalExpression,
+    width: WidthGain,
     emotion: Emotion,
 }
 
@@ -39,6 +45,7 @@ impl CausalStream {
         model: Arc<CausalModel>,
         closures: Arc<CausalModel>,
         expression: CausalExpression,
+        width: WidthGain,
     ) -> Self {
         let fps = model.config().fps;
         let speech = CausalSpeech::new(model);
@@ -48,6 +55,7 @@ impl CausalStream {
             speech,
             closures,
             expression,
+            width,
             emotion: Emotion::default(),
         }
     }
@@ -78,6 +86,9 @@ impl MotionStream for CausalStream {
             index,
             displacements,
         };
+        let mut face = ArrayViewMut2::from(&mut frame.displacements);
+        let said = mouth_width(face.view());
+        self.width.widen(&mut face, said);
         self.closures.close(&mut frame, 1.0);
         let spoken = self.gate.share(index);
         let said = frame.displacements.as_flattened_mut();

@@ -23,7 +23,7 @@ use crate::{
     motion::{
         CLOSURES_MODEL, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
-        PERFORMANCE_CONTROLS,
+        PERFORMANCE_CONTROLS, WidthGain,
     },
     speech::{CausalModel, Heard},
     systems::{Description, Registration, Sampled, Slider, System},
@@ -157,6 +157,9 @@ impl System for FreeTalk {
         let closes = self.config.closes_lips(request.style.as_deref());
         if closes || request.closures.is_some() {
             let contacts = heard.contacts(request.closures.as_deref());
+            if self.config.emotion == EmotionOrigin::Added {
+                clip.widen(&clip.widths(), &self.modes)?;
+            }
             clip.make_contacts(&contacts, &self.modes)?;
         }
         Ok(Motion::Landmarks(clip).into())
@@ -184,12 +187,14 @@ impl System for FreeTalk {
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         let (expressions, modes) = (Arc::clone(&self.expressions), Arc::clone(&self.modes));
+        let width = WidthGain::new(&modes).ok()?;
         let expression =
             CausalExpression::new(expressions, modes, self.stream.config().fps).ok()?;
         Some(Box::new(CausalStream::new(
             Arc::clone(&self.stream),
             Arc::clone(&self.closures),
             expression,
+            width,
         )))
     }
 }

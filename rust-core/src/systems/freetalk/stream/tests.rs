@@ -25,8 +25,9 @@ fn closures() -> Arc<CausalModel> {
 fn of(model: &Arc<CausalModel>) -> CausalStream {
     let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
     let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
+    let width = WidthGain::new(&modes).unwrap();
     let expression = CausalExpression::new(expressions, modes, model.config().fps).unwrap();
-    let mut stream = CausalStream::new(Arc::clone(model), closures(), expression);
+    let mut stream = CausalStream::new(Arc::clone(model), closures(), expression, width);
     stream.hear_all();
     stream
 }
