@@ -64,7 +64,7 @@ def main(
     """Command line."""
     words = read(dictionary)
     codes = codes_of(words)
-    config = {"model": "pronunciations", "words": len(words), "codes": len(codes), "phones": list(CLASSES)}
+    config = {"model": "pronunciations", "codes": len(codes), "phones": list(CLASSES)}
     write_model(out, {"codes": torch.tensor(codes, dtype=torch.float32)}, config)
     print(f"{len(words)} words, {len(codes)} codes: {out}")
 

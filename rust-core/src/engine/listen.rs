@@ -29,10 +29,8 @@ impl Engine {
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
             let mut heard = self.hear(waveform, SILENT)?;
-            let said = self.phone_model.get()?.said(heard.sound(), text)?;
-            if let Some(text) = text {
-                heard.follow(&Script::Text(text.to_owned()))?;
-            }
+            let (said, rows) = self.phone_model.get()?.said(heard.sound(), text)?;
+            heard.set_phone_rows(rows);
             let mut annotation = closures_of(&heard);
             for tier in &mut annotation.tiers {
                 tier.symbols = Symbols::Closures;

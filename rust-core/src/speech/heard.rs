@@ -97,6 +97,11 @@ impl Heard {
         Some((phones, self.phone_rows.get_or_init(read).view()))
     }
 
+    /// Sets the log-posteriors `[R, K]` of the phones.
+    pub(crate) fn set_phone_rows(&mut self, rows: Array2<f32>) {
+        self.phone_rows = OnceLock::from(rows);
+    }
+
     /// Takes the phones from a script instead of the sound alone, for lips, tongue and shapes.
     ///
     /// # Errors
@@ -107,7 +112,7 @@ impl Heard {
             Error::InvalidInput("script: expected an engine that hears phones, got none".into())
         })?;
         let rows = phones.told(self.sound(), script)?;
-        self.phone_rows = OnceLock::from(rows);
+        self.set_phone_rows(rows);
         Ok(())
     }
 

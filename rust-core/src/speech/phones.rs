@@ -206,24 +206,24 @@ impl PhoneModel {
     }
 
     /// Finds the phones of a sound (its features, the encoder's name, its length in seconds). With
-    /// a text it also finds the words, and chooses phones that fit them.
+    /// a text it also finds the words, and chooses phones that fit them. Returns the log-posteriors
+    /// `[R, K]` too, which follow the text.
     ///
     /// # Errors
     /// `Weights` if the features come from another encoder; `InvalidInput` for a text without a
     /// letter, or one too long for the sound.
-    pub fn said(
+    pub(crate) fn said(
         &self,
         (track, encoder, duration_s): (&FeatureTrack, &str, f64),
         text: Option<&str>,
-    ) -> Result<Said> {
+    ) -> Result<(Said, Array2<f32>)> {
         self.check(track, encoder)?;
-        let rate_hz = self.rows_per_second(track);
-        let mut likelihood = self.log_posteriors(track.features.view());
-        likelihood -= &(PRIOR_POWER * &self.log_prior);
         let clock = Clock {
-            rate_hz,
+            rate_hz: self.rows_per_second(track),
             duration_s,
         };
+        let heard = self.log_posteriors(track.features.view());
+        let mut likelihood = &heard - &(PRIOR_POWER * &self.log_prior);
         let words = match text {
             Some(text) => {
                 let script = Script::Text(text.to_owned());
@@ -235,7 +235,12 @@ impl PhoneModel {
         let phones = intervals(&path, clock, |class| {
             (*class > 0).then(|| self.config.phones[*class].clone())
         });
-        Ok(Said { phones, words })
+        let said = Said { phones, words };
+        if text.is_none() {
+            return Ok((said, heard));
+        }
+        likelihood.rows_mut().into_iter().for_each(normalise);
+        Ok((said, likelihood))
     }
 
     /// Log-posteriors `[R, K]` of a sound whose words or phones are known. Where the script has phones

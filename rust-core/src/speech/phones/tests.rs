@@ -86,9 +86,8 @@ fn heard() -> Heard {
 #[test]
 fn words_stand_in_their_order_within_the_sound() {
     let model = PhoneModel::open(None).unwrap();
-    let said = model
-        .said(heard().sound(), Some("— see, \"shoes\" !"))
-        .unwrap();
+    let text = "— see, \"shoes\" !";
+    let (said, _) = model.said(heard().sound(), Some(text)).unwrap();
     let labels: Vec<&str> = said.words.iter().map(|word| word.label.as_str()).collect();
     assert_eq!(labels, ["see", "shoes"]);
     for tier in [&said.words, &said.phones] {
@@ -98,7 +97,34 @@ fn words_stand_in_their_order_within_the_sound() {
         );
         assert!(tier.windows(2).all(|pair| pair[0].end_s <= pair[1].start_s));
     }
-    assert!(model.said(heard().sound(), None).unwrap().words.is_empty());
+    let (said, _) = model.said(heard().sound(), None).unwrap();
+    assert!(said.words.is_empty());
+}
+
+#[test]
+fn english_words_are_read_by_their_phones_and_others_letter_by_letter() {
+    let model = PhoneModel::open(None).unwrap();
+    let read = |words: &[&'static str]| {
+        let spoken: Vec<(&str, _)> = words.iter().map(|word| (*word, None)).collect();
+        let letters = words
+            .iter()
+            .map(|word| Word::read(word, &model.config.units));
+        let letters: Vec<Word> = letters.collect();
+        (model.english(&spoken, &letters).unwrap(), letters)
+    };
+    let (english, letters) = read(&["“What”", "xyzzy", "well-known"]);
+    let english = english.unwrap();
+    let sounds = |word: &Word| -> String {
+        let names = word
+            .units
+            .iter()
+            .map(|unit| model.config.units[*unit].as_str());
+        names.collect()
+    };
+    assert_eq!(sounds(&english[0]), "/w/ʌ/t");
+    assert_eq!(sounds(&english[2]), "/w/ɛ/l/n/o/ʊ/n");
+    assert_eq!(english[1], letters[1]);
+    assert!(read(&["xyzzy"]).0.is_none());
 }
 
 #[test]
