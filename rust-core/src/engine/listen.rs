@@ -8,7 +8,7 @@ use crate::{
     annotation::{Annotation, Symbols, Tier},
     audio::Waveform,
     job::{ProgressFn, SILENT},
-    speech::{Heard, Script},
+    speech::Heard,
 };
 
 impl Engine {
@@ -22,7 +22,7 @@ impl Engine {
 
     /// Like [`Engine::listen`], with an added tier of phones and, if there is a `text`, a tier of
     /// its words. Only the tier of closures says when the lips close. With a text they close for its
-    /// p, b and m, as in a performance of that text ([`Script::Text`]).
+    /// p, b and m, as in a performance of that text ([`crate::speech::Script::Text`]).
     ///
     /// # Errors
     /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
