@@ -150,11 +150,12 @@ impl AnyfaceClip {
     fn frame(&self, frame: usize) -> Result<&[f32], Failure> {
         let frames = self.frame_count();
         let length = self.vertex_count() * 3;
-        match frame < frames {
-            true => Ok(&self.vertices()[frame * length..(frame + 1) * length]),
-            false => Err(Failure::invalid(format!(
+        if frame < frames {
+            Ok(&self.vertices()[frame * length..(frame + 1) * length])
+        } else {
+            Err(Failure::invalid(format!(
                 "frame: expected below {frames}, got {frame}"
-            ))),
+            )))
         }
     }
 }

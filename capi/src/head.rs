@@ -85,13 +85,12 @@ pub unsafe extern "C" fn anyface_head_new(
     let make = || {
         let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
         let head = AnyfaceHead::open(folder.map(Path::new))?;
-        let numbers = match coefficients.is_null() && coefficient_count == 0 {
-            true => head.maker.random(seed),
-            false => {
-                let numbers =
-                    unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
-                head.maker.checked(numbers.to_vec(), false)?
-            }
+        let numbers = if coefficients.is_null() && coefficient_count == 0 {
+            head.maker.random(seed)
+        } else {
+            let numbers =
+                unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
+            head.maker.checked(numbers.to_vec(), false)?
         };
         Ok(head.other(numbers))
     };

@@ -292,11 +292,12 @@ impl AnyfaceMotionOptions {
     }
 
     unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
-        match self.events.is_null() {
-            true => Ok(Vec::new()),
-            false => Ok(unsafe { pointer::handle("events", self.events) }?
+        if self.events.is_null() {
+            Ok(Vec::new())
+        } else {
+            Ok(unsafe { pointer::handle("events", self.events) }?
                 .rows
-                .clone()),
+                .clone())
         }
     }
 
@@ -359,11 +360,12 @@ impl AnyfaceMotionOptions {
 
 fn check_rising(times: &[f64]) -> Result<(), Failure> {
     let finite = times.iter().all(|time| time.is_finite());
-    match finite && times.windows(2).all(|pair| pair[0] < pair[1]) {
-        true => Ok(()),
-        false => Err(Failure::invalid(format!(
+    if finite && times.windows(2).all(|pair| pair[0] < pair[1]) {
+        Ok(())
+    } else {
+        Err(Failure::invalid(format!(
             "emotion_times_s: expected finite times, each above the one before, got {times:?}"
-        ))),
+        )))
     }
 }
 

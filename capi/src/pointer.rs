@@ -102,9 +102,10 @@ pub(crate) unsafe fn copy_where_asked<T: Copy>(
     values: &[T],
     buffer: *mut T,
 ) -> Result<(), Failure> {
-    match buffer.is_null() {
-        true => Ok(()),
-        false => unsafe { copy_out(name, values, buffer, values.len()) },
+    if buffer.is_null() {
+        Ok(())
+    } else {
+        unsafe { copy_out(name, values, buffer, values.len()) }
     }
 }
 
@@ -146,9 +147,10 @@ pub(crate) unsafe fn optional_text<'a>(
     name: &'static str,
     value: *const c_char,
 ) -> Result<Option<&'a str>, Failure> {
-    match value.is_null() {
-        true => Ok(None),
-        false => unsafe { text(name, value) }.map(Some),
+    if value.is_null() {
+        Ok(None)
+    } else {
+        unsafe { text(name, value) }.map(Some)
     }
 }
 
@@ -187,12 +189,13 @@ fn check_pointer<T>(name: &'static str, pointer: *const T) -> Result<(), Failure
     if pointer.is_null() {
         return Err(Failure::Null(name));
     }
-    match pointer.is_aligned() {
-        true => Ok(()),
-        false => Err(Failure::invalid(format!(
+    if pointer.is_aligned() {
+        Ok(())
+    } else {
+        Err(Failure::invalid(format!(
             "{name}: expected an address that is a multiple of {}, got {pointer:p}",
             align_of::<T>()
-        ))),
+        )))
     }
 }
 

@@ -189,12 +189,13 @@ pub unsafe extern "C" fn anyface_rig_write(
     let work = || {
         let rig = unsafe { pointer::handle("rig", rig) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        let source = match source.is_null() {
-            true => None,
-            false => Some(read_file(
+        let source = if source.is_null() {
+            None
+        } else {
+            Some(read_file(
                 unsafe { pointer::path("source", source) }?,
                 InputKind::Mesh,
-            )?),
+            )?)
         };
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,

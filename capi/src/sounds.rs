@@ -85,9 +85,10 @@ impl AnyfaceSounds {
 
 /// The set of mouths that the annotation has: Rhubarb's, or else Papagayo's.
 fn mouths_of(annotation: &Annotation) -> Symbols {
-    match annotation.intervals(Symbols::Rhubarb).is_empty() {
-        true => Symbols::Papagayo,
-        false => Symbols::Rhubarb,
+    if annotation.intervals(Symbols::Rhubarb).is_empty() {
+        Symbols::Papagayo
+    } else {
+        Symbols::Rhubarb
     }
 }
 

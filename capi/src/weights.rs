@@ -93,19 +93,18 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
             )));
         }
         let motion = motion.slice(s![.., ..vertex_count, ..]);
-        let weights = match to_shapes.is_null() {
-            true => solved(&rig, motion, lips, progress)?,
-            false => {
-                let rows = unsafe { pointer::slice("to_shapes", to_shapes, 3, 3) }?;
-                let mut turned = motion.to_owned();
-                for mut moved in turned.rows_mut() {
-                    let [x, y, z] = [moved[0], moved[1], moved[2]];
-                    for (axis, row) in rows.as_chunks::<3>().0.iter().enumerate() {
-                        moved[axis] = x * row[0] + y * row[1] + z * row[2];
-                    }
+        let weights = if to_shapes.is_null() {
+            solved(&rig, motion, lips, progress)?
+        } else {
+            let rows = unsafe { pointer::slice("to_shapes", to_shapes, 3, 3) }?;
+            let mut turned = motion.to_owned();
+            for mut moved in turned.rows_mut() {
+                let [x, y, z] = [moved[0], moved[1], moved[2]];
+                for (axis, row) in rows.as_chunks::<3>().0.iter().enumerate() {
+                    moved[axis] = x * row[0] + y * row[1] + z * row[2];
                 }
-                solved(&rig, turned.view(), lips, progress)?
             }
+            solved(&rig, turned.view(), lips, progress)?
         };
         Ok(weights)
     };

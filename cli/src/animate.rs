@@ -101,26 +101,26 @@ impl Animate {
         let is_whole = self.layers.are_asked() || redo.is_some() || self.surface.is_asked();
         let duration_s = sound.levels.duration_s();
         if !self.surface.is_asked() {
-            let heard_s = match is_whole {
-                true => duration_s,
-                false => Engine::longest_stretch_s(duration_s),
+            let heard_s = if is_whole {
+                duration_s
+            } else {
+                Engine::longest_stretch_s(duration_s)
             };
             let frames = frames_of(heard_s, request.fps);
             let vertices = mesh.positions.len();
-            let frames_in_memory = match Format::from_path(&self.out)?.is_scene() {
+            let frames_in_memory = if Format::from_path(&self.out)?.is_scene() {
                 // The shapes are computed from all frames, with two copies of them in memory.
-                true => {
-                    3 * frames_of(duration_s, request.fps)
-                        + self.scene.count_shape_frames(&self.out)
-                }
-                false => self.layers.count_frames_in_memory(frames, &mesh),
+                3 * frames_of(duration_s, request.fps) + self.scene.count_shape_frames(&self.out)
+            } else {
+                self.layers.count_frames_in_memory(frames, &mesh)
             };
             note_memory(&mut report, &engine, vertices, frames_in_memory, heard_s)?;
         }
         let mut face = timed(&mut report, "prepare", || {
-            match self.open_mouth || self.surface.is_asked() {
-                true => engine.find(&mesh, &options, progress),
-                false => engine.prepare(&mesh, &options, progress),
+            if self.open_mouth || self.surface.is_asked() {
+                engine.find(&mesh, &options, progress)
+            } else {
+                engine.prepare(&mesh, &options, progress)
             }
         })?;
         let vertices = face.mesh.positions.len();

@@ -253,13 +253,14 @@ impl FaceArgs {
             up: self.up,
             controls: self.controls.controls()?,
             parts: PartChoices {
-                names: match self
+                names: if self
                     .parts
                     .iter()
                     .any(|(s, _)| matches!(s, PartSelector::Name(_)))
                 {
-                    true => ObjectNames::read(mesh)?,
-                    false => ObjectNames::default(),
+                    ObjectNames::read(mesh)?
+                } else {
+                    ObjectNames::default()
                 },
                 roles: self.parts.clone(),
             },
@@ -271,9 +272,10 @@ impl FaceArgs {
 /// The landmarks file beside a mesh, such as `open-mouth` and `head` write.
 fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
     let beside = landmarks_beside(mesh);
-    match beside.is_file() {
-        true => LandmarkSource::read(&beside).map(Some),
-        false => Ok(None),
+    if beside.is_file() {
+        LandmarkSource::read(&beside).map(Some)
+    } else {
+        Ok(None)
     }
 }
 

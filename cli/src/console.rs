@@ -24,14 +24,12 @@ impl Console {
     /// A progress bar appears on a terminal only, and never beside JSON.
     pub fn new(json: bool) -> Self {
         let bar = ProgressBar::new(BAR_STEPS);
-        match std::io::stderr().is_terminal() && !json {
-            true => {
-                let style =
-                    ProgressStyle::with_template("{msg:>10} {bar:40} {percent:>3} % {elapsed}");
-                bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-                bar.enable_steady_tick(Duration::from_millis(200));
-            }
-            false => bar.set_draw_target(ProgressDrawTarget::hidden()),
+        if std::io::stderr().is_terminal() && !json {
+            let style = ProgressStyle::with_template("{msg:>10} {bar:40} {percent:>3} % {elapsed}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(Duration::from_millis(200));
+        } else {
+            bar.set_draw_target(ProgressDrawTarget::hidden())
         }
         Console { json, bar }
     }
@@ -84,17 +82,21 @@ impl Console {
     /// Prints a note on standard error, as `{"note"}` with `--json`.
     pub fn note(&self, text: &str) {
         self.bar.finish_and_clear();
-        match self.json {
-            true => print_error_line(&serde_json::json!({ "note": text })),
-            false => print_error_line(&text),
+        if self.json {
+            print_error_line(&serde_json::json!({ "note": text }))
+        } else {
+            print_error_line(&text)
         }
     }
 
     /// Prints a note on standard error while the progress bar goes on, as `{"note"}` with `--json`.
     pub fn aside(&self, text: &str) {
-        self.bar.suspend(|| match self.json {
-            true => print_error_line(&serde_json::json!({ "note": text })),
-            false => print_error_line(&text),
+        self.bar.suspend(|| {
+            if self.json {
+                print_error_line(&serde_json::json!({ "note": text }))
+            } else {
+                print_error_line(&text)
+            }
         });
     }
 
@@ -119,9 +121,10 @@ impl Console {
     /// `Io` if standard output cannot be written to.
     pub fn value(&self, value: &impl Serialize, text: &str) -> Result<()> {
         self.bar.finish_and_clear();
-        match self.json {
-            true => self.json(value),
-            false => print_line(text.trim_end()),
+        if self.json {
+            self.json(value)
+        } else {
+            print_line(text.trim_end())
         }
     }
 
@@ -139,16 +142,15 @@ impl Console {
 
 /// The text of an error for standard error: a line for people, or JSON.
 pub fn error_text(error: &Error, json: bool) -> String {
-    match json {
-        true => {
-            let body = serde_json::json!({"error": {
-                "kind": kind(error),
-                "code": error.exit_code(),
-                "message": error.to_string(),
-            }});
-            body.to_string()
-        }
-        false => format!("error: {error}"),
+    if json {
+        let body = serde_json::json!({"error": {
+            "kind": kind(error),
+            "code": error.exit_code(),
+            "message": error.to_string(),
+        }});
+        body.to_string()
+    } else {
+        format!("error: {error}")
     }
 }
 

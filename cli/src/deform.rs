@@ -75,9 +75,10 @@ impl Deform {
         self.surface.check_system(&engine)?;
         let face = timed(&mut report, "prepare", || {
             let progress = &|p| console.progress(p);
-            match self.surface.is_asked() {
-                true => engine.find(&mesh, &options, progress),
-                false => engine.prepare(&mesh, &options, progress),
+            if self.surface.is_asked() {
+                engine.find(&mesh, &options, progress)
+            } else {
+                engine.prepare(&mesh, &options, progress)
             }
         })?;
         note_face(&mut report, &face);

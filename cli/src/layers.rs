@@ -110,9 +110,10 @@ impl LayerArgs {
             Some(path) => read_mask(path, vertices)?,
             None => vec![1.0; vertices],
         };
-        let content = match self.needs_content() {
-            true => Some(performance.content(engine, progress)?),
-            false => None,
+        let content = if self.needs_content() {
+            Some(performance.content(engine, progress)?)
+        } else {
+            None
         };
         Ok(Layered {
             engine,

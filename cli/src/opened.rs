@@ -91,15 +91,16 @@ impl Open {
 }
 
 fn check_name(path: &Path) -> Result<()> {
-    match path
+    if path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("obj"))
     {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
+        Ok(())
+    } else {
+        Err(Error::InvalidInput(format!(
             "{}: expected a name that ends in .obj",
             path.display()
-        ))),
+        )))
     }
 }
 

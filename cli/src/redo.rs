@@ -165,11 +165,12 @@ impl Redo<'_> {
     }
 
     fn check(&self, frames: usize, fps: f64, new_frames: usize, new_fps: f64) -> Result<()> {
-        match (frames, fps) == (new_frames, new_fps) {
-            true => Ok(()),
-            false => Err(self.wrong(&format!(
+        if (frames, fps) == (new_frames, new_fps) {
+            Ok(())
+        } else {
+            Err(self.wrong(&format!(
                 "{new_frames} frames at {new_fps} fps as of this sound, got {frames} at {fps} fps"
-            ))),
+            )))
         }
     }
 

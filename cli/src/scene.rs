@@ -93,9 +93,10 @@ impl SceneArgs {
     /// count.
     pub fn count_shape_frames(&self, out: &Path) -> usize {
         let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
-        match is_avatar || self.targets == Shapes::Arkit {
-            true => 3 * SHAPES,
-            false => 0,
+        if is_avatar || self.targets == Shapes::Arkit {
+            3 * SHAPES
+        } else {
+            0
         }
     }
 

@@ -61,9 +61,10 @@ impl Sounds {
                 let sound = read_sound(&mut report, path, &self.sound, progress)?;
                 let engine = shared.engine()?;
                 let waveform = sound.whole(progress)?;
-                match self.asks_for_phones() {
-                    true => engine.listen_to_phones(&waveform, text.as_deref())?,
-                    false => engine.listen(&waveform)?,
+                if self.asks_for_phones() {
+                    engine.listen_to_phones(&waveform, text.as_deref())?
+                } else {
+                    engine.listen(&waveform)?
                 }
             }
         };

@@ -266,9 +266,10 @@ pub fn note_face(report: &mut Report, face: &Face) {
 /// Says which eyes do not blink and why. `None` if both blink.
 pub fn lids_sentence(face: &Face) -> Option<String> {
     let [right, left] = face.lids();
-    let cut = match [right, left].contains(&Lids::Joined) {
-        true => "; anyface open-eyes cuts lids and eyes apart",
-        false => "",
+    let cut = if [right, left].contains(&Lids::Joined) {
+        "; anyface open-eyes cuts lids and eyes apart"
+    } else {
+        ""
     };
     let why = |lids: Lids, many: bool| match (lids, many) {
         (Lids::Close, _) => None,
@@ -283,16 +284,15 @@ pub fn lids_sentence(face: &Face) -> Option<String> {
             "{which} {why}: brows squint where lids would blink{cut}"
         ))
     };
-    match right == left {
-        true => of("both eyes", right, true),
-        false => {
-            let each = [
-                of("the right eye", right, false),
-                of("the left eye", left, false),
-            ];
-            let each: Vec<String> = each.into_iter().flatten().collect();
-            Some(each.join("; ")).filter(|text| !text.is_empty())
-        }
+    if right == left {
+        of("both eyes", right, true)
+    } else {
+        let each = [
+            of("the right eye", right, false),
+            of("the left eye", left, false),
+        ];
+        let each: Vec<String> = each.into_iter().flatten().collect();
+        Some(each.join("; ")).filter(|text| !text.is_empty())
     }
 }
 

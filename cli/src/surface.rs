@@ -56,9 +56,10 @@ impl SurfaceArgs {
 
     /// Checks that the system can make a surface, if one is asked for.
     pub fn check_system(&self, engine: &Engine) -> Result<()> {
-        match self.is_asked() {
-            true => engine.system().require(Ability::Head, "surface"),
-            false => Ok(()),
+        if self.is_asked() {
+            engine.system().require(Ability::Head, "surface")
+        } else {
+            Ok(())
         }
     }
 

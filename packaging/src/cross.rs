@@ -70,9 +70,10 @@ pub const MACOS_X64: Target = Target {
 
 /// 64-bit Windows: for Microsoft's linker when built on Windows, else for MinGW's.
 pub const WINDOWS_X64: Target = Target {
-    triple: match cfg!(windows) {
-        true => "x86_64-pc-windows-msvc",
-        false => "x86_64-pc-windows-gnu",
+    triple: if cfg!(windows) {
+        "x86_64-pc-windows-msvc"
+    } else {
+        "x86_64-pc-windows-gnu"
     },
     standard_library: UNWIND,
     linker: Some("x86_64-w64-mingw32-gcc"),
@@ -82,10 +83,7 @@ pub const WINDOWS_X64: Target = Target {
 impl Target {
     /// The Debian packages that this machine needs to compile for this system.
     pub fn all_packages(&self) -> Result<Vec<&'static str>> {
-        let compiler = match self.is_known()? {
-            true => &[][..],
-            false => DEBIAN,
-        };
+        let compiler = if self.is_known()? { &[][..] } else { DEBIAN };
         Ok([compiler, self.packages].concat())
     }
 
@@ -111,9 +109,10 @@ impl Target {
         // Rust strips macOS libraries with a tool of its own, which comes with rustup's compiler
         // but not with Debian's.
         let path = std::env::join_paths(paths.chain([tools_of_rust()?]))?;
-        let target = match self.triple.ends_with("linux-gnu") {
-            true => format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1),
-            false => self.triple.to_owned(),
+        let target = if self.triple.ends_with("linux-gnu") {
+            format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1)
+        } else {
+            self.triple.to_owned()
         };
         let mut build = self.command("zigbuild", &target, "")?;
         build.env("PATH", path);

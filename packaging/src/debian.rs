@@ -72,9 +72,10 @@ fn size_kb(folder: &Path) -> Result<u64> {
     let mut sum = 0;
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        sum += match entry.file_type()?.is_dir() {
-            true => size_kb(&entry.path())?,
-            false => entry.metadata()?.len().div_ceil(1024),
+        sum += if entry.file_type()?.is_dir() {
+            size_kb(&entry.path())?
+        } else {
+            entry.metadata()?.len().div_ceil(1024)
         };
     }
     Ok(sum)

@@ -399,9 +399,10 @@ impl Sources {
             .collect();
         let digits = Sha256::digest(&files);
         let digits = digits.iter().take(6).map(|byte| format!("{byte:02x}"));
-        Ok(match files.is_empty() {
-            true => String::new(),
-            false => digits.collect(),
+        Ok(if files.is_empty() {
+            String::new()
+        } else {
+            digits.collect()
         })
     }
 

@@ -77,9 +77,10 @@ impl Header {
     pub fn run(&self) -> Result<()> {
         for interface in &INTERFACES {
             let fresh = interface.generate()?;
-            match self.check {
-                true => check(&interface.path(), &fresh)?,
-                false => write(&interface.path(), &fresh)?,
+            if self.check {
+                check(&interface.path(), &fresh)?
+            } else {
+                write(&interface.path(), &fresh)?
             }
         }
         Ok(())

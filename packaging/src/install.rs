@@ -156,9 +156,10 @@ fn fill(template: &str, separator: Separator, platform: Platform, soname: &str) 
         Separator::Flags => format!("-l{}", needed.join(" -l")),
         Separator::List => needed.join(";"),
     };
-    let soname_property = match soname == platform.shared_library() {
-        true => "IMPORTED_NO_SONAME TRUE".to_owned(),
-        false => format!("IMPORTED_SONAME {soname}"),
+    let soname_property = if soname == platform.shared_library() {
+        "IMPORTED_NO_SONAME TRUE".to_owned()
+    } else {
+        format!("IMPORTED_SONAME {soname}")
     };
     let mut parts = VERSION.split('.');
     let (major, minor) = (parts.next().unwrap_or("0"), parts.next().unwrap_or("0"));

@@ -54,9 +54,10 @@ pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Pat
 fn cargo(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Command> {
     let target = platform.target();
     let is_zigs = cfg!(target_os = "linux") && platform != Platform::WindowsX64;
-    let mut build = match is_zigs {
-        true => target.cargo_for_old_systems(steps)?,
-        false => target.cargo(steps, "build", "")?,
+    let mut build = if is_zigs {
+        target.cargo_for_old_systems(steps)?
+    } else {
+        target.cargo(steps, "build", "")?
     };
     build.args(["--profile", profile]);
     Ok(build)

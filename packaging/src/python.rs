@@ -93,9 +93,10 @@ pub fn blender(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
 /// The interpreter of an environment; `ANYFACE_VENVS` moves all to another folder.
 fn interpreter(name: &str) -> PathBuf {
     let base = std::env::var_os("ANYFACE_VENVS").map_or(target().join("venvs"), PathBuf::from);
-    let inside = match cfg!(windows) {
-        true => "Scripts/python.exe",
-        false => "bin/python",
+    let inside = if cfg!(windows) {
+        "Scripts/python.exe"
+    } else {
+        "bin/python"
     };
     base.join(name).join(inside)
 }

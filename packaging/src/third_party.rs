@@ -132,9 +132,10 @@ fn authors(package: &Value) -> Result<String> {
     let names = list(package, "authors")?.iter().filter_map(Value::as_str);
     // Some authors have left their address empty.
     let names: Vec<&str> = names.map(|name| name.trim_end_matches(" <>")).collect();
-    Ok(match names.is_empty() {
-        true => format!("the authors of {}", text(package, "name")?),
-        false => names.join(", "),
+    Ok(if names.is_empty() {
+        format!("the authors of {}", text(package, "name")?)
+    } else {
+        names.join(", ")
     })
 }
 

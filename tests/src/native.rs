@@ -101,15 +101,16 @@ pub fn compile(source: &str, linkage: Linkage, folder: &Path) -> PathBuf {
     std::fs::create_dir_all(folder).expect("the folder for programs can be written");
     let name = Path::new(source).file_name().expect("a source has a name");
     let program = folder.join(format!("{}.{linkage:?}", name.to_string_lossy()));
-    let (compiler, standard) = match source.ends_with(".cpp") {
-        true => (
+    let (compiler, standard) = if source.ends_with(".cpp") {
+        (
             env::var_os("CXX").unwrap_or_else(|| "g++".into()),
             "-std=c++17",
-        ),
-        false => (
+        )
+    } else {
+        (
             env::var_os("CC").unwrap_or_else(|| "gcc".into()),
             "-std=c11",
-        ),
+        )
     };
     let mut command = Command::new(compiler);
     command.args([

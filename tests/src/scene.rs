@@ -79,9 +79,10 @@ pub fn mask() -> Mesh {
     for row in 0..(down + up) as u32 {
         for column in 0..columns - 1 {
             let lower = row * columns + column;
-            let [a, b] = match row == down as u32 {
-                true => [upper_lip[column as usize], upper_lip[column as usize + 1]],
-                false => [lower, lower + 1],
+            let [a, b] = if row == down as u32 {
+                [upper_lip[column as usize], upper_lip[column as usize + 1]]
+            } else {
+                [lower, lower + 1]
             };
             let [c, d] = [lower + columns, lower + columns + 1];
             mesh.triangles.extend([[a, b, d], [a, d, c]]);

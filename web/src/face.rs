@@ -14,9 +14,10 @@ pub struct Face {
 
 impl Face {
     pub(crate) fn new(face: anyface::Face, file: Vec<u8>) -> anyface::Result<Face> {
-        let parts = match file.starts_with(b"glTF") {
-            true => glb_parts(&file)?,
-            false => Vec::new(),
+        let parts = if file.starts_with(b"glTF") {
+            glb_parts(&file)?
+        } else {
+            Vec::new()
         };
         Ok(Face { face, file, parts })
     }

@@ -68,9 +68,10 @@ impl LipMotion {
 fn longest_still(gap: &Gap, spoken: &[bool]) -> usize {
     let (mut longest, mut now) = (0, 0);
     for (mm, is_spoken) in gap.values.iter().zip(spoken) {
-        now = match *is_spoken && *mm < MOVED_MM {
-            true => now + 1,
-            false => 0,
+        now = if *is_spoken && *mm < MOVED_MM {
+            now + 1
+        } else {
+            0
         };
         longest = longest.max(now);
     }

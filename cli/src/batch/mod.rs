@@ -210,12 +210,13 @@ impl Batch {
         let Some(RowRange { first, last }) = self.rows else {
             return Ok(0..rows.len());
         };
-        match first <= rows.len() {
-            true => Ok(first - 1..last.min(rows.len())),
-            false => Err(Error::InvalidInput(format!(
+        if first <= rows.len() {
+            Ok(first - 1..last.min(rows.len()))
+        } else {
+            Err(Error::InvalidInput(format!(
                 "--rows {first}-{last}: expected some of {} rows",
                 rows.len()
-            ))),
+            )))
         }
     }
 

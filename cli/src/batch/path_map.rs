@@ -17,14 +17,15 @@ impl FromStr for PathMap {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (from, to) = text.split_once('=').unwrap_or_default();
-        match from.is_empty() || to.is_empty() {
-            true => Err(format!(
+        if from.is_empty() || to.is_empty() {
+            Err(format!(
                 "expected FROM=TO, as in P:\\show=/mnt/show, got {text:?}"
-            )),
-            false => Ok(PathMap {
+            ))
+        } else {
+            Ok(PathMap {
                 from: from.to_owned(),
                 to: to.to_owned(),
-            }),
+            })
         }
     }
 }
@@ -78,9 +79,12 @@ fn rest_of<'a>(path: &'a str, folder: &'a str) -> Option<Vec<&'a str>> {
         let parts = text.trim_end_matches(separators).split(separators);
         parts.collect::<Vec<&str>>()
     });
-    let same = |(a, b): (&&str, &&str)| match of_windows {
-        true => a.eq_ignore_ascii_case(b),
-        false => a == b,
+    let same = |(a, b): (&&str, &&str)| {
+        if of_windows {
+            a.eq_ignore_ascii_case(b)
+        } else {
+            a == b
+        }
     };
     let is_inside = path.len() >= folder.len() && path.iter().zip(&folder).all(same);
     is_inside.then(|| path[folder.len()..].to_vec())

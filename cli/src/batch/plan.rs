@@ -53,9 +53,10 @@ pub fn tell(
         broken,
     };
     console.value(&plan, &text(&plan))?;
-    Ok(match plan.broken.is_empty() {
-        true => 0,
-        false => SOME_FAILED,
+    Ok(if plan.broken.is_empty() {
+        0
+    } else {
+        SOME_FAILED
     })
 }
 
@@ -145,9 +146,10 @@ fn memory_mb(line: &Line, sound_s: f64, threads: usize) -> Result<u64> {
     };
     let of_weights = line.wants_weights();
     let fps = line.options.motion.request(&line.shared)?.fps;
-    let frames = match of_weights {
-        true => anyface::rig::SHAPES,
-        false => frames_of(sound_s, fps),
+    let frames = if of_weights {
+        anyface::rig::SHAPES
+    } else {
+        frames_of(sound_s, fps)
     };
     let one = engine.memory_need(vertices, frames, sound_s).bytes();
     let idle = engine.memory_need(vertices, 0, 0.0).bytes();

@@ -47,9 +47,12 @@ impl Defaults {
                 arg.get_long() == Some(long) && matches!(arg.get_action(), ArgAction::SetTrue)
             })
         };
-        let words = self.0.iter().map(|(long, value)| match is_flag(long) {
-            true => format!("--{long}"),
-            false => format!("--{long}={value}"),
+        let words = self.0.iter().map(|(long, value)| {
+            if is_flag(long) {
+                format!("--{long}")
+            } else {
+                format!("--{long}={value}")
+            }
         });
         words.collect()
     }
@@ -89,10 +92,11 @@ impl FromArgMatches for Defaults {
             }
             for value in raw.flatten() {
                 let is_path = is_path(arg);
-                let value = match is_path {
+                let value = if is_path {
                     // Relative paths on the command line start at the current folder.
-                    true => std::path::absolute(value).unwrap_or_else(|_| value.into()),
-                    false => value.into(),
+                    std::path::absolute(value).unwrap_or_else(|_| value.into())
+                } else {
+                    value.into()
                 };
                 words.push((long.to_owned(), value.to_string_lossy().into_owned()));
             }
@@ -257,12 +261,13 @@ impl Reader<'_> {
         let known: Vec<&str> = known
             .filter(|known| !["threads", "json", "help"].contains(known))
             .collect();
-        match known.contains(&long.as_str()) {
-            true => Ok(Some(long)),
-            false => Err(format!(
+        if known.contains(&long.as_str()) {
+            Ok(Some(long))
+        } else {
+            Err(format!(
                 "column {name:?}: expected name or an option of `anyface animate`, such as audio, out, mesh, emotion or seed; \
                  a column of notes begins with {NOTE}"
-            )),
+            ))
         }
     }
 
@@ -339,9 +344,10 @@ impl Reader<'_> {
             if is_path(arg) {
                 let path = self.opened(long, &value)?;
                 value = path.to_string_lossy().into_owned();
-                match is_output(arg) {
-                    true => outputs.push(path),
-                    false => inputs.push(path),
+                if is_output(arg) {
+                    outputs.push(path)
+                } else {
+                    inputs.push(path)
                 }
             }
             typed.push(format!("--{long}={value}"));

@@ -28,21 +28,23 @@ impl FromStr for Address {
         let is_name = |c: char| c.is_ascii_alphanumeric() || ".-_:%".contains(c);
         let host = bare.unwrap_or(host);
         let port = port.parse().map_err(|_| wrong())?;
-        match is_plain && !host.is_empty() && host.chars().all(is_name) {
-            true => Ok(Address {
+        if is_plain && !host.is_empty() && host.chars().all(is_name) {
+            Ok(Address {
                 host: host.to_owned(),
                 port,
-            }),
-            false => Err(wrong()),
+            })
+        } else {
+            Err(wrong())
         }
     }
 }
 
 impl Display for Address {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        match self.host.contains(':') {
-            true => write!(f, "[{}]:{}", self.host, self.port),
-            false => write!(f, "{}:{}", self.host, self.port),
+        if self.host.contains(':') {
+            write!(f, "[{}]:{}", self.host, self.port)
+        } else {
+            write!(f, "{}:{}", self.host, self.port)
         }
     }
 }

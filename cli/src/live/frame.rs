@@ -60,9 +60,10 @@ impl Frame {
         let [x, y, z] = self.head;
         let angle = (x * x + y * y + z * z).sqrt();
         // sin(a / 2) / a. Its limit at rest is a half.
-        let share = match angle > 1e-6 {
-            true => (0.5 * angle).sin() / angle,
-            false => 0.5,
+        let share = if angle > 1e-6 {
+            (0.5 * angle).sin() / angle
+        } else {
+            0.5
         };
         [share * x, share * y, share * z, (0.5 * angle).cos()]
     }

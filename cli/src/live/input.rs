@@ -106,14 +106,16 @@ impl Input {
                 if block.is_lost != *was_lost && !block.samples.is_empty() {
                     *was_lost = block.is_lost;
                     let name = microphone.name();
-                    return Ok(Heard::Change(match block.is_lost {
-                        true => format!("{name} is gone; the face rests until it is back"),
-                        false => format!("{name} is back"),
+                    return Ok(Heard::Change(if block.is_lost {
+                        format!("{name} is gone; the face rests until it is back")
+                    } else {
+                        format!("{name} is back")
                     }));
                 }
-                Ok(match block.samples.is_empty() {
-                    true => Heard::Nothing,
-                    false => Heard::Samples(block.samples),
+                Ok(if block.samples.is_empty() {
+                    Heard::Nothing
+                } else {
+                    Heard::Samples(block.samples)
                 })
             }
         }

@@ -51,9 +51,10 @@ pub fn packet(frame: &Frame, subject: &str, fps: f64) -> Vec<u8> {
 
 /// Frames per second as a fraction, rounded to a thousandth.
 fn rate(fps: f64) -> (u32, u32) {
-    match fps.fract() == 0.0 {
-        true => (fps as u32, 1),
-        false => ((1000.0 * fps).round() as u32, 1000),
+    if fps.fract() == 0.0 {
+        (fps as u32, 1)
+    } else {
+        ((1000.0 * fps).round() as u32, 1000)
     }
 }
 

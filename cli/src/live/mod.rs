@@ -118,9 +118,10 @@ impl Live {
             (None, Some(_)) => Input::of_standard_input()?,
             (None, None) => Input::of_microphone(self.devices.open(console)?),
         };
-        let lag_s = match fps == stream.fps() {
-            true => stream.latency_s(),
-            false => stream.latency_s() + 1.0 / stream.fps(),
+        let lag_s = if fps == stream.fps() {
+            stream.latency_s()
+        } else {
+            stream.latency_s() + 1.0 / stream.fps()
         };
         let monitor = self.devices.monitor(lag_s, console)?;
         let mut show = Show {
@@ -257,9 +258,10 @@ impl Show<'_> {
             self.targets.send(&frame, self.console)?;
             self.meter.show(&frame);
         }
-        match signals::are_to_end() {
-            true => Err(Error::Cancelled),
-            false => Ok(()),
+        if signals::are_to_end() {
+            Err(Error::Cancelled)
+        } else {
+            Ok(())
         }
     }
 }

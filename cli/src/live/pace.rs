@@ -62,9 +62,10 @@ impl Pace {
             if at_s > time_s + SAME / self.fps {
                 return paced;
             }
-            let share = match time_s > from_s {
-                true => ((at_s - from_s) / (time_s - from_s)).clamp(0.0, 1.0),
-                false => 1.0,
+            let share = if time_s > from_s {
+                ((at_s - from_s) / (time_s - from_s)).clamp(0.0, 1.0)
+            } else {
+                1.0
             };
             let wait_s = if is_same {
                 0.0

@@ -58,12 +58,13 @@ impl TargetArgs {
     /// `InvalidInput` if there is no target.
     pub fn check(&self, is_json: bool) -> Result<()> {
         let all = [&self.vmc, &self.live_link, &self.osc, &self.websocket];
-        match is_json || all.iter().any(|address| address.is_some()) {
-            true => Ok(()),
-            false => Err(Error::InvalidInput(
+        if is_json || all.iter().any(|address| address.is_some()) {
+            Ok(())
+        } else {
+            Err(Error::InvalidInput(
                 "live: expected a target, got none; name one or more of --vmc, --live-link, --osc, --websocket and --json"
                     .into(),
-            )),
+            ))
         }
     }
 

@@ -120,13 +120,13 @@ fn ten_runs_give_the_numbers_that_they_gave() {
     let mut samples = BTreeMap::new();
     for (name, line) in RUNS {
         let filled = line.replace("HEAD", &words);
-        let arguments =
-            filled
-                .split_whitespace()
-                .map(|word| match word.starts_with("0:neutral,") {
-                    true => word.replace(',', " "),
-                    false => word.to_owned(),
-                });
+        let arguments = filled.split_whitespace().map(|word| {
+            if word.starts_with("0:neutral,") {
+                word.replace(',', " ")
+            } else {
+                word.to_owned()
+            }
+        });
         let output = Command::new(&program)
             .current_dir(folder.path())
             .args(arguments)

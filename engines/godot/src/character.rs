@@ -71,9 +71,10 @@ fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
         .map(|place| array.get_blend_shape_name(place).to_string())
         .collect();
     // Use only one kind: with both, the mouth would move twice.
-    let names = match names_of_mesh.iter().any(|name| name == "jawOpen") {
-        true => 0..ARKIT.len(),
-        false => ARKIT.len()..ARKIT.len() + VISEMES.len(),
+    let names = if names_of_mesh.iter().any(|name| name == "jawOpen") {
+        0..ARKIT.len()
+    } else {
+        ARKIT.len()..ARKIT.len() + VISEMES.len()
     };
     let all: Vec<&str> = ARKIT.iter().chain(VISEMES.iter()).copied().collect();
     let pairs = names_of_mesh

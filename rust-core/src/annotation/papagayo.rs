@@ -121,9 +121,10 @@ pub(super) fn read_switch(text: &str, fps: f64) -> Result<Annotation, String> {
     }
     // Rhubarb exports its own letters in this format too.
     let is_letter = |i: &Interval| i.label.len() == 1 && "ABCDEFGHX".contains(&i.label);
-    let symbols = match !intervals.is_empty() && intervals.iter().all(is_letter) {
-        true => Symbols::Rhubarb,
-        false => Symbols::Papagayo,
+    let symbols = if !intervals.is_empty() && intervals.iter().all(is_letter) {
+        Symbols::Rhubarb
+    } else {
+        Symbols::Papagayo
     };
     Ok(finished(vec![Tier { symbols, intervals }], 0.0))
 }

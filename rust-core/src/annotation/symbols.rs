@@ -190,9 +190,10 @@ impl Symbols {
         let labels: Vec<String> = labels.map(plain).collect();
         let is_vowel = |label: &String| VOWELS.contains(&label.as_str());
         let is_any = |label: &String| is_vowel(label) || is_phone(label);
-        match labels.iter().all(is_any) && (labels.is_empty() || !labels.iter().all(is_vowel)) {
-            true => Symbols::Phones,
-            false => Symbols::Words,
+        if labels.iter().all(is_any) && (labels.is_empty() || !labels.iter().all(is_vowel)) {
+            Symbols::Phones
+        } else {
+            Symbols::Words
         }
     }
 

@@ -134,9 +134,10 @@ fn tier(tokens: &mut Tokens<'_>) -> Result<Tier, String> {
     let (mut intervals, mut after_s): (Vec<Interval>, f64) = (Vec::new(), 0.0);
     for _ in 0..tokens.count()? {
         let (line, start_s) = tokens.seconds()?;
-        let end_s = match is_points {
-            true => start_s,
-            false => tokens.seconds()?.1,
+        let end_s = if is_points {
+            start_s
+        } else {
+            tokens.seconds()?.1
         };
         let (_, label) = tokens.text()?;
         let next = interval(line, [start_s, end_s], label.trim(), after_s)?;

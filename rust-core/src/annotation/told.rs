@@ -146,9 +146,10 @@ pub(super) fn read_json(text: &str) -> Result<Annotation, String> {
             }
         });
     let tiers: Vec<Tier> = tiers.collect();
-    match tiers.iter().all(|tier| tier.intervals.is_empty()) {
-        true => Err(format!("1: expected {expected}, got neither")),
-        false => Ok(finished(tiers, 0.0)),
+    if tiers.iter().all(|tier| tier.intervals.is_empty()) {
+        Err(format!("1: expected {expected}, got neither"))
+    } else {
+        Ok(finished(tiers, 0.0))
     }
 }
 
@@ -312,18 +313,19 @@ pub(super) fn read_subtitles(text: &str) -> Result<Annotation, String> {
         }
         intervals.push(next);
     }
-    match intervals.is_empty() {
-        true => Err(
+    if intervals.is_empty() {
+        Err(
             "1: expected subtitles with times such as 00:00:01,200 --> 00:00:03,400, got none"
                 .into(),
-        ),
-        false => Ok(finished(
+        )
+    } else {
+        Ok(finished(
             vec![Tier {
                 symbols: Symbols::Words,
                 intervals,
             }],
             0.0,
-        )),
+        ))
     }
 }
 

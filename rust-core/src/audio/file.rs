@@ -159,13 +159,14 @@ impl SoundFile {
             let decoded = decoder.join().unwrap_or(Err(Error::Cancelled));
             outcome.and(decoded.map(drop))
         })?;
-        match cut.stretches.is_empty() {
-            true => Ok(()),
-            false => Err(Error::Audio(format!(
+        if cut.stretches.is_empty() {
+            Ok(())
+        } else {
+            Err(Error::Audio(format!(
                 "{}: expected {} samples as before, got fewer: the file has changed",
                 self.path.display(),
                 self.levels.samples
-            ))),
+            )))
         }
     }
 

@@ -97,9 +97,10 @@ fn difference(piece: &[f32]) -> Vec<f32> {
 /// How far the lowest point of the parabola through three values is from the middle one: step 5.
 fn vertex(values: &[f32]) -> f32 {
     let curve = values[0] - 2.0 * values[1] + values[2];
-    match curve > 0.0 {
-        true => (0.5 * (values[0] - values[2]) / curve).clamp(-0.5, 0.5),
-        false => 0.0,
+    if curve > 0.0 {
+        (0.5 * (values[0] - values[2]) / curve).clamp(-0.5, 0.5)
+    } else {
+        0.0
     }
 }
 

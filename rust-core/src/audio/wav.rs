@@ -87,9 +87,10 @@ fn read_all<S: hound::Sample>(
     intake.push(&chunk)?;
     intake.finish()?;
     let seconds = |samples: u64| samples as f64 / f64::from(spec.sample_rate) / channels as f64;
-    Ok(Decoded::Sound(match promised_bytes < LENGTH_UNKNOWN {
-        true => SoundDamage::of(seconds(promised.saturating_sub(got)), seconds(promised)),
-        false => None,
+    Ok(Decoded::Sound(if promised_bytes < LENGTH_UNKNOWN {
+        SoundDamage::of(seconds(promised.saturating_sub(got)), seconds(promised))
+    } else {
+        None
     }))
 }
 

@@ -154,9 +154,10 @@ mod tests {
     fn every_unit_shows_on_shapes_of_arkit() {
         for unit in ACTION_UNITS {
             for stem in unit.shapes {
-                let name = match unit.has_sides() {
-                    true => format!("{stem}Left"),
-                    false => (*stem).to_owned(),
+                let name = if unit.has_sides() {
+                    format!("{stem}Left")
+                } else {
+                    (*stem).to_owned()
                 };
                 assert!(ARKIT.contains(&name.as_str()), "{name}");
             }

@@ -138,9 +138,10 @@ impl Control {
 
     fn check(&self, value: f32) -> Result<()> {
         let is_whole = value.fract() == 0.0 || self.values == ControlValues::Real;
-        match (self.low..=self.high).contains(&value) && is_whole {
-            true => Ok(()),
-            false => Err(self.wrong(value)),
+        if (self.low..=self.high).contains(&value) && is_whole {
+            Ok(())
+        } else {
+            Err(self.wrong(value))
         }
     }
 

@@ -99,9 +99,10 @@ pub fn emotion_from_voice(prosody: &Prosody) -> EmotionCurve {
 }
 
 fn expression(arousal: f32) -> Emotion {
-    let (emotion, outside) = match arousal > 0.0 {
-        true => (AROUSED, arousal - NEUTRAL.1),
-        false => (DROWSY, NEUTRAL.0 - arousal),
+    let (emotion, outside) = if arousal > 0.0 {
+        (AROUSED, arousal - NEUTRAL.1)
+    } else {
+        (DROWSY, NEUTRAL.0 - arousal)
     };
     if outside <= 0.0 {
         return Emotion::default();

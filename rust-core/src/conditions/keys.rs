@@ -43,9 +43,10 @@ fn key(word: &str, of: WordEmotion<'_>) -> Result<(f64, Emotion)> {
     };
     let (time, emotion) = word.split_once(':').ok_or_else(wrong)?;
     let time_s: f64 = time.parse().map_err(|_| wrong())?;
-    match time_s.is_finite() && time_s >= 0.0 && !emotion.is_empty() {
-        true => Ok((time_s, Emotion::parse_with(emotion, of)?)),
-        false => Err(wrong()),
+    if time_s.is_finite() && time_s >= 0.0 && !emotion.is_empty() {
+        Ok((time_s, Emotion::parse_with(emotion, of)?))
+    } else {
+        Err(wrong())
     }
 }
 

@@ -240,9 +240,10 @@ impl EmotionCurve {
         let after = keys.partition_point(|(key_s, _)| *key_s <= time_s);
         let (before_s, before) = keys[after.saturating_sub(1)];
         let (after_s, after) = keys[after.min(keys.len() - 1)];
-        let share = match after_s > before_s {
-            true => ((time_s - before_s) / (after_s - before_s)).clamp(0.0, 1.0) as f32,
-            false => 0.0,
+        let share = if after_s > before_s {
+            ((time_s - before_s) / (after_s - before_s)).clamp(0.0, 1.0) as f32
+        } else {
+            0.0
         };
         let strength = std::array::from_fn(|e| {
             let a = before.mixture[e] * before.intensity;
@@ -250,12 +251,13 @@ impl EmotionCurve {
             a + (b - a) * share
         });
         let intensity: f32 = strength.iter().sum();
-        match intensity > 0.0 {
-            true => Emotion {
+        if intensity > 0.0 {
+            Emotion {
                 mixture: strength.map(|s: f32| s / intensity),
                 intensity,
-            },
-            false => Emotion::default(),
+            }
+        } else {
+            Emotion::default()
         }
     }
 
@@ -279,9 +281,12 @@ impl EmotionCurve {
     /// The largest intensity among the named emotions that are not purely neutral; 0 if there are
     /// none.
     pub fn strongest(&self) -> f32 {
-        let strength_of = |emotion: &Emotion| match emotion.mixture[0] < 1.0 {
-            true => emotion.intensity,
-            false => 0.0,
+        let strength_of = |emotion: &Emotion| {
+            if emotion.mixture[0] < 1.0 {
+                emotion.intensity
+            } else {
+                0.0
+            }
         };
         self.named()
             .into_iter()

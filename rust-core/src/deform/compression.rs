@@ -118,9 +118,10 @@ pub fn compress(
         shapes,
         ..
     } = best.components;
-    let error = match weights.ncols() > MOVING {
-        true => sparsify(&flat, &mut weights, &shapes, max_error, best.error),
-        false => best.error,
+    let error = if weights.ncols() > MOVING {
+        sparsify(&flat, &mut weights, &shapes, max_error, best.error)
+    } else {
+        best.error
     };
     report(progress, "compress", 1.0)?;
     Ok(normalised(&weights, &shapes, error, clip.fps))
@@ -238,9 +239,12 @@ impl Search {
         let (count, error) = fewest(part, &components, most, self.max_error);
         let fewer = least.as_ref().map_or(count, |least| count.min(least.count)) * 3 / 4;
         let errors = Errors::of(part, &components, fewer);
-        let is_better = |least: &Least| match error <= self.max_error {
-            true => least.error > self.max_error || count < least.count,
-            false => error < least.error,
+        let is_better = |least: &Least| {
+            if error <= self.max_error {
+                least.error > self.max_error || count < least.count
+            } else {
+                error < least.error
+            }
         };
         if least.as_ref().is_none_or(is_better) {
             *least = Some(Least {
@@ -314,9 +318,10 @@ fn fewest(
     }
     while many - few > 1 {
         let middle = few.midpoint(many);
-        match exceeds(flat, components, middle, max_error) {
-            true => few = middle,
-            false => many = middle,
+        if exceeds(flat, components, middle, max_error) {
+            few = middle
+        } else {
+            many = middle
         }
     }
     (many, Errors::of(flat, components, many).largest())
@@ -402,13 +407,14 @@ fn for_each_frame(
     for start in (0..flat.nrows()).step_by(FRAMES_PER_PRODUCT) {
         let frames = FRAMES_PER_PRODUCT.min(flat.nrows() - start);
         let fitted = &mut fitted[..frames * columns];
-        match count > 0 {
-            true => product(
+        if count > 0 {
+            product(
                 view_mut(fitted, columns),
                 weights.subrows(start, frames),
                 shapes,
-            ),
-            false => fitted.fill(0.0),
+            )
+        } else {
+            fitted.fill(0.0)
         }
         for (fitted, place) in fitted.chunks_exact(columns).zip(&mut places) {
             squared_distances(place, fitted, squares);

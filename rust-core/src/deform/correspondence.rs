@@ -94,9 +94,12 @@ impl ReferencePoints {
             (false, false) => 0.0,
             _ => 1.0,
         });
-        let shift = Mat::from_fn(size, 3, |i, axis| match i < LANDMARKS {
-            true => f64::from(landmarks[i][axis] - self.landmarks[i][axis]),
-            false => 0.0,
+        let shift = Mat::from_fn(size, 3, |i, axis| {
+            if i < LANDMARKS {
+                f64::from(landmarks[i][axis] - self.landmarks[i][axis])
+            } else {
+                0.0
+            }
         });
         let weights = system.partial_piv_lu().solve(&shift);
         let moved = |&point: &[f32; 3]| {
@@ -143,9 +146,10 @@ impl Planes {
         let size = xx + yy + zz;
         let along = xx * x * x + yy * y * y + zz * z * z;
         let across = 2.0 * (xy * x * y + xz * x * z + yz * y * z);
-        match size > 0.0 {
-            true => ((along + across) / size).max(0.0),
-            false => 0.0,
+        if size > 0.0 {
+            ((along + across) / size).max(0.0)
+        } else {
+            0.0
         }
     }
 }

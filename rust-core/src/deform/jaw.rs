@@ -108,13 +108,14 @@ impl JawPose {
 /// The rotation by the vector (pitch, yaw, 0), minus the identity (Rodrigues).
 fn turn(pitch: f32, yaw: f32) -> [[f32; 3]; 3] {
     let angle = pitch.hypot(yaw);
-    let (sine, versine) = match angle < 1e-4 {
-        true => (1.0, 0.5),
+    let (sine, versine) = if angle < 1e-4 {
+        (1.0, 0.5)
+    } else {
         // 1 − cos without cancellation.
-        false => (
+        (
             angle.sin() / angle,
             2.0 * (0.5 * angle).sin().powi(2) / (angle * angle),
-        ),
+        )
     };
     let k = [[0.0, 0.0, yaw], [0.0, 0.0, -pitch], [-yaw, pitch, 0.0]];
     std::array::from_fn(|i| {

@@ -78,9 +78,10 @@ impl RowWeights {
             motion: self.motion,
             follows: Some(follows),
         };
-        match of_rows.vertices() > MANY * of_rows.mix.nrows() {
-            true => of_rows,
-            false => of_rows.with_row_per_vertex(),
+        if of_rows.vertices() > MANY * of_rows.mix.nrows() {
+            of_rows
+        } else {
+            of_rows.with_row_per_vertex()
         }
     }
 }

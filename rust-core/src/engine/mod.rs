@@ -155,11 +155,12 @@ impl Engine {
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
         let folders = [&options.models, &options.speech, &options.emotion_model];
-        match folders.iter().any(|folder| folder.is_some()) {
+        if folders.iter().any(|folder| folder.is_some()) {
             // Nobody has checked files from elsewhere. Their sizes may cause anything, even a
             // panic.
-            true => guarded(Error::Weights, || Self::load(options)),
-            false => Self::load(options),
+            guarded(Error::Weights, || Self::load(options))
+        } else {
+            Self::load(options)
         }
     }
 
@@ -627,9 +628,10 @@ fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
 
 /// The ID of this process. In a browser there is only one, without an ID, so this returns 0.
 fn process_here() -> u32 {
-    match cfg!(target_family = "wasm") {
-        true => 0,
-        false => std::process::id(),
+    if cfg!(target_family = "wasm") {
+        0
+    } else {
+        std::process::id()
     }
 }
 

@@ -74,9 +74,10 @@ impl MouthReach {
             ));
         }
         if self.from_teeth_m > MOST_FROM_TEETH_M {
-            let goal = match self.has_teeth {
-                true => "the upper teeth",
-                false => "the upper lip, and no upper teeth were found",
+            let goal = if self.has_teeth {
+                "the upper teeth"
+            } else {
+                "the upper lip, and no upper teeth were found"
             };
             sentences.push(format!(
                 "the lower lip does not reach {goal} ({:.0} mm are left): f and v look like a half-open mouth",
@@ -198,9 +199,10 @@ fn from_teeth(face: &Face, frame: ArrayView2<'_, f32>) -> (f32, bool) {
     let skull = (0..face.mesh.positions.len()).filter(|&v| face.parts.is(v, PartRole::Skull));
     let teeth: Vec<[f32; 3]> = skull.map(place).filter(in_mouth).collect();
     let has_teeth = !teeth.is_empty();
-    let goal = match has_teeth {
-        true => teeth,
-        false => PAIRS.map(|(upper, _)| mark(face, frame, upper)).to_vec(),
+    let goal = if has_teeth {
+        teeth
+    } else {
+        PAIRS.map(|(upper, _)| mark(face, frame, upper)).to_vec()
     };
     let nearest = PAIRS.map(|(_, lower)| {
         let lip = mark(face, frame, lower);

@@ -440,9 +440,10 @@ impl Engine {
 /// Scales a share of the way to contact by a strength. Up to 1, the result is proportional to the
 /// strength. Beyond 1, it comes ever closer to contact.
 fn strengthened(share: f32, strength: f32) -> f32 {
-    match strength > 1.0 {
-        true => 1.0 - (1.0 - share).powf(strength),
-        false => strength * share,
+    if strength > 1.0 {
+        1.0 - (1.0 - share).powf(strength)
+    } else {
+        strength * share
     }
 }
 
@@ -464,9 +465,12 @@ fn along(
         out += &(&motion_at(low)?.values() - &base);
         return Ok(moved.with_values(out));
     }
-    let knot = |k: usize| match k == PIECES {
-        true => high,
-        false => low + (high - low) / PIECES as f64 * k as f64,
+    let knot = |k: usize| {
+        if k == PIECES {
+            high
+        } else {
+            low + (high - low) / PIECES as f64 * k as f64
+        }
     };
     let motions = (0..=PIECES).map(|k| motion_at(knot(k)));
     let motions = motions.collect::<Result<Vec<_>>>()?;

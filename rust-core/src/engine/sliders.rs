@@ -158,11 +158,12 @@ impl Performance {
             request.emotion = request.emotion.scaled(position);
         }
         let learned = engine.description().emotion == EmotionOrigin::Learned;
-        engine.threads(|| match emotion && learned {
-            false => engine.controlled(&self.sampled.motion, heard, &request, blink_emotion),
-            true => {
+        engine.threads(|| {
+            if emotion && learned {
                 let sampled = engine.system.sample(heard, &request, progress)?.motion;
                 engine.controlled(&sampled, heard, &request, blink_emotion)
+            } else {
+                engine.controlled(&self.sampled.motion, heard, &request, blink_emotion)
             }
         })
     }
@@ -471,9 +472,10 @@ fn beyond_each(mut change: Array2<f32>, changes: &[SliderChange]) -> Array2<f32>
     };
     let (emotion, blinks) = (at_rest(Slider::Emotion), at_rest(Slider::Blinks));
     for (t, mut row) in change.outer_iter_mut().enumerate() {
-        match blinks.row(t).iter().any(|x| *x != 0.0) {
-            true => row -= &(&emotion.row(t) + &blinks.row(t)),
-            false => row.fill(0.0),
+        if blinks.row(t).iter().any(|x| *x != 0.0) {
+            row -= &(&emotion.row(t) + &blinks.row(t))
+        } else {
+            row.fill(0.0)
         }
     }
     change
@@ -484,11 +486,12 @@ fn check_take(performance: &Performance, clip: &VertexClip, basis: &VertexBasis)
     let (clip_frames, vertices, _) = clip.displacements.dim();
     let (basis_frames, basis_vertices) = (basis.weights.nrows(), basis.shapes.dim().1);
     let belong = (frames, frames) == (clip_frames, basis_frames) && vertices == basis_vertices;
-    match belong {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
+    if belong {
+        Ok(())
+    } else {
+        Err(Error::InvalidInput(format!(
             "sliders: expected clip and basis of {frames} frames and the same vertices, got \
              {clip_frames} and {basis_frames} frames, {vertices} and {basis_vertices} vertices"
-        ))),
+        )))
     }
 }

@@ -157,9 +157,10 @@ impl Engine {
                 None => frames.len(),
             };
             before = Some(part.rows(end..frames.len(), frames.start));
-            let part = match shared == 0 && end == part.motion.frames() {
-                true => part,
-                false => part.rows(shared..end, frames.start),
+            let part = if shared == 0 && end == part.motion.frames() {
+                part
+            } else {
+                part.rows(shared..end, frames.start)
             };
             take(part, &share)
         })
@@ -168,9 +169,10 @@ impl Engine {
     /// The most seconds of sound that are in memory at once when a sound of `duration_s` is
     /// performed in stretches.
     pub fn longest_stretch_s(duration_s: f64) -> f64 {
-        match duration_s > WHOLE_S {
-            true => STRETCH_S + AROUND_S + OVERLAP_S,
-            false => duration_s,
+        if duration_s > WHOLE_S {
+            STRETCH_S + AROUND_S + OVERLAP_S
+        } else {
+            duration_s
         }
     }
 }

@@ -64,9 +64,12 @@ pub fn bind(
     landmarks: &[[f32; 3]; LANDMARKS],
 ) -> Vec<Follows> {
     let mut follows: Vec<Follows> = (0..mesh.positions.len() as u32)
-        .map(|v| match skin[v as usize] {
-            true => Follows::itself(v),
-            false => Follows::Skull,
+        .map(|v| {
+            if skin[v as usize] {
+                Follows::itself(v)
+            } else {
+                Follows::Skull
+            }
         })
         .collect();
     let surface = OnceCell::new();

@@ -57,9 +57,10 @@ pub fn locate_landmarks_with(
         Some(LandmarkSource::Known(known)) => from_known(mesh, known)?,
         None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
-    match fixed.is_empty() {
-        true => Ok(landmarks),
-        false => finder.follow(mesh, &landmarks, fixed),
+    if fixed.is_empty() {
+        Ok(landmarks)
+    } else {
+        finder.follow(mesh, &landmarks, fixed)
     }
 }
 
@@ -137,11 +138,12 @@ fn from_known(mesh: &Mesh, landmarks: &[KnownLandmark]) -> Result<Landmarks> {
 }
 
 fn checked_confidence(i: usize, confidence: f32) -> Result<f32> {
-    match (0.0..=1.0).contains(&confidence) {
-        true => Ok(confidence),
-        false => Err(Error::InvalidInput(format!(
+    if (0.0..=1.0).contains(&confidence) {
+        Ok(confidence)
+    } else {
+        Err(Error::InvalidInput(format!(
             "landmark {i}: expected a confidence of 0 to 1, got {confidence}"
-        ))),
+        )))
     }
 }
 

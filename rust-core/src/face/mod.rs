@@ -152,9 +152,10 @@ impl Face {
     /// Which of brows, eyes and nose the finder saw. Features that the face lacks do not move.
     pub(crate) fn features(&self) -> Features {
         let features = Features::of(&self.landmarks);
-        match self.openings().is_one() {
-            true => features.of_one_eye(),
-            false => features,
+        if self.openings().is_one() {
+            features.of_one_eye()
+        } else {
+            features
         }
     }
 

@@ -63,12 +63,11 @@ impl PartList {
     ) -> Result<PartList> {
         let groups = weld_seams(&canonical.positions, &canonical.triangles, &[]);
         let keep_apart = touching_lips(canonical, &groups, vertices);
-        let connected = match keep_apart.is_empty() {
-            true => sewn_parts(canonical, &groups),
-            false => {
-                let (positions, triangles) = (&canonical.positions, &canonical.triangles);
-                sewn_parts(canonical, &weld_seams(positions, triangles, &keep_apart))
-            }
+        let connected = if keep_apart.is_empty() {
+            sewn_parts(canonical, &groups)
+        } else {
+            let (positions, triangles) = (&canonical.positions, &canonical.triangles);
+            sewn_parts(canonical, &weld_seams(positions, triangles, &keep_apart))
         };
         let lists = connected.vertices();
         let chosen = choices.of_parts(&connected)?;
@@ -127,9 +126,12 @@ fn roles(
     chosen: &[Option<PartRole>],
 ) -> Vec<PartRole> {
     let rules = RoleRules::of(landmarks);
-    let known = |p: usize| match is_skin[p] {
-        true => Some(PartRole::Skin),
-        false => chosen[p],
+    let known = |p: usize| {
+        if is_skin[p] {
+            Some(PartRole::Skin)
+        } else {
+            chosen[p]
+        }
     };
     let tree = OnceCell::new();
     let skin =

@@ -83,9 +83,12 @@ impl RoleRules {
     ) -> Vec<PartRole> {
         let eyes = EyeParts::new(&self.landmarks, self.eyes, self.brows_y).find(parts, &skin);
         let each = parts.iter().zip(eyes);
-        each.map(|(points, is_eye)| match is_eye {
-            true => PartRole::Gaze,
-            false => self.role(points, &skin),
+        each.map(|(points, is_eye)| {
+            if is_eye {
+                PartRole::Gaze
+            } else {
+                self.role(points, &skin)
+            }
         })
         .collect()
     }
@@ -100,9 +103,10 @@ impl RoleRules {
             return PartRole::Skull;
         }
         let skin = skin();
-        match points.iter().any(|&p| is_near(skin, p)) {
-            true => PartRole::Nearest,
-            false => PartRole::Still,
+        if points.iter().any(|&p| is_near(skin, p)) {
+            PartRole::Nearest
+        } else {
+            PartRole::Still
         }
     }
 
@@ -121,9 +125,10 @@ impl RoleRules {
         if bounds.high[1] - bounds.low[1] > TALL_CM * self.mouth_unit() {
             return PartRole::Mouth;
         }
-        match bounds.middle()[1] < self.mouth[1] {
-            true => PartRole::Jaw,
-            false => PartRole::Skull,
+        if bounds.middle()[1] < self.mouth[1] {
+            PartRole::Jaw
+        } else {
+            PartRole::Skull
         }
     }
 

@@ -331,13 +331,14 @@ fn face_points(
         })
     };
     let face: Vec<[f32; 3]> = points.iter().filter(near).copied().collect();
-    match face.len() < LEAST_POINTS {
-        false => Ok(face),
-        true => Err(wrong(format!(
+    if face.len() < LEAST_POINTS {
+        Err(wrong(format!(
             "expected at least {LEAST_POINTS} points on the face, got {} of {}",
             face.len(),
             points.len()
-        ))),
+        )))
+    } else {
+        Ok(face)
     }
 }
 

@@ -114,9 +114,10 @@ impl Identity {
 /// The network of an anchor. Both anchors of a pair share one, and the background has the last.
 fn network_of(config: &HeadConfig, anchor: usize) -> usize {
     let pairs = config.pairs.len();
-    match anchor < 2 * pairs {
-        true => anchor / 2,
-        false => anchor - pairs,
+    if anchor < 2 * pairs {
+        anchor / 2
+    } else {
+        anchor - pairs
     }
 }
 

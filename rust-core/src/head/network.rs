@@ -169,9 +169,10 @@ impl Prepared<'_> {
         point[0].panels.multiply(x, start, Finish::Plain, &mut h);
         for (number, layer) in hidden.iter().enumerate().map(|(n, layer)| (n + 1, layer)) {
             silu_all(&mut h);
-            let start = match number == hidden.len() {
-                true => Start::Zero,
-                false => Start::Row(&self.rows[number]),
+            let start = if number == hidden.len() {
+                Start::Zero
+            } else {
+                Start::Row(&self.rows[number])
             };
             layer.panels.multiply(&h, start, Finish::Plain, &mut next);
             if number == self.network.again() {

@@ -539,9 +539,10 @@ fn starts(at_rest: &Mesh, places: &[[f32; 3]], normals: &[[f32; 3]]) -> Vec<Opti
     // Triangles of a scan may be turned inside out.
     let (out, inside_out) = (start(1.0), start(-1.0));
     let count = |starts: &[Option<u32>]| starts.iter().flatten().count();
-    match count(&out) >= count(&inside_out) {
-        true => out,
-        false => inside_out,
+    if count(&out) >= count(&inside_out) {
+        out
+    } else {
+        inside_out
     }
 }
 

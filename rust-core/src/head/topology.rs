@@ -232,9 +232,10 @@ impl Topology {
         for part in &self.parts {
             part.follow(&mut positions[part.vertices.clone()], &moved, numbers);
         }
-        let (vertices, faces) = match parts {
-            true => (positions.len(), self.faces.len()),
-            false => (moved.len(), self.skin_faces),
+        let (vertices, faces) = if parts {
+            (positions.len(), self.faces.len())
+        } else {
+            (moved.len(), self.skin_faces)
         };
         positions.truncate(vertices);
         let faces = self.faces[..faces].to_vec();
@@ -261,12 +262,13 @@ impl Part {
     /// Loads the part that has these vertices.
     fn load(weights: &Weights, config: &Config, vertices: &Range<usize>) -> Result<Part> {
         let (count, skin) = (vertices.len(), config.skin_vertices);
-        let leader = match weights.contains("moves") {
-            true => Leader::Numbers(weights.matrix("moves", config.numbers(), 4)?),
-            false => Leader::Skin(
+        let leader = if weights.contains("moves") {
+            Leader::Numbers(weights.matrix("moves", config.numbers(), 4)?)
+        } else {
+            Leader::Skin(
                 indices(&weights.values("corners", &[count, 3])?, skin, "corners")?,
                 rows_of(&weights.values("shares", &[count, 3])?),
-            ),
+            )
         };
         Ok(Part {
             vertices: vertices.clone(),

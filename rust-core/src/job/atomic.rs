@@ -171,9 +171,10 @@ pub(super) fn is_cancelled() -> bool {
 /// Removes an unfinished file or folder. Ignores errors, because it may get its name at the same
 /// time, or somebody else may remove it.
 fn remove(path: &Path) {
-    let _ = match path.is_dir() {
-        true => fs::remove_dir_all(path),
-        false => fs::remove_file(path),
+    let _ = if path.is_dir() {
+        fs::remove_dir_all(path)
+    } else {
+        fs::remove_file(path)
     };
 }
 
@@ -302,9 +303,10 @@ impl UnfinishedFolder {
             return Ok(());
         };
         let name = temporary.path().to_owned();
-        let named = match self.path.is_dir() {
-            true => fs::remove_dir(&self.path).and_then(|()| fs::rename(&name, &self.path)),
-            false => fs::rename(&name, &self.path),
+        let named = if self.path.is_dir() {
+            fs::remove_dir(&self.path).and_then(|()| fs::rename(&name, &self.path))
+        } else {
+            fs::rename(&name, &self.path)
         };
         unfinished(|paths| paths.retain(|path| *path != name));
         named.map_err(Error::io(&self.path))?;

@@ -101,15 +101,17 @@ impl Input {
         if !known.is_file() {
             let most = kind.largest_pipe();
             let bytes = wait_for_bytes(path, most, is_cancelled)?;
-            return match bytes.len() as u64 <= most {
-                true => Ok(Input::Bytes(Cursor::new(bytes))),
-                false => Err(kind.too_large(path, most)),
+            return if bytes.len() as u64 <= most {
+                Ok(Input::Bytes(Cursor::new(bytes)))
+            } else {
+                Err(kind.too_large(path, most))
             };
         }
         let most = kind.largest_file();
-        match known.len() <= most {
-            true => Ok(Input::File(File::open(path).map_err(Error::io(path))?)),
-            false => Err(kind.too_large(path, most)),
+        if known.len() <= most {
+            Ok(Input::File(File::open(path).map_err(Error::io(path))?))
+        } else {
+            Err(kind.too_large(path, most))
         }
     }
 
@@ -163,9 +165,10 @@ pub fn read_file(path: &Path, kind: InputKind) -> Result<Vec<u8>> {
         .map_err(too_much)?;
     let read = file.take(most + 1).read_to_end(&mut bytes);
     read.map_err(Error::io(path))?;
-    match bytes.len() as u64 <= most {
-        true => Ok(bytes),
-        false => Err(kind.too_large(path, most)),
+    if bytes.len() as u64 <= most {
+        Ok(bytes)
+    } else {
+        Err(kind.too_large(path, most))
     }
 }
 

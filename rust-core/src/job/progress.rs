@@ -23,8 +23,9 @@ pub const SILENT: ProgressFn<'static> = &|_| true;
 /// # Errors
 /// [`Error::Cancelled`] if the callback returns `false`.
 pub fn report(progress: ProgressFn<'_>, stage: &'static str, fraction: f32) -> Result<()> {
-    match progress(Progress { stage, fraction }) {
-        true => Ok(()),
-        false => Err(Error::Cancelled),
+    if progress(Progress { stage, fraction }) {
+        Ok(())
+    } else {
+        Err(Error::Cancelled)
     }
 }

@@ -77,9 +77,10 @@ pub(crate) fn fit_to_canonical(
 /// Refuses landmarks that do not fit and says what is wrong with them.
 pub(crate) fn check(fit: &Fit, confidence: &[f32; LANDMARKS]) -> Result<()> {
     let certain = confidence.iter().filter(|sure| **sure >= CERTAIN).count();
-    let worst_m = match (ENOUGH_CERTAIN..LANDMARKS).contains(&certain) {
-        true => WORST_RMS_OF_CERTAIN_M,
-        false => WORST_RMS_M,
+    let worst_m = if (ENOUGH_CERTAIN..LANDMARKS).contains(&certain) {
+        WORST_RMS_OF_CERTAIN_M
+    } else {
+        WORST_RMS_M
     };
     let mirrored = fit.mirrored_rms < 0.6 * fit.rms && fit.mirrored_rms < WORST_RMS_M;
     if mirrored && fit.rms > 0.006 {

@@ -8,9 +8,10 @@ use glam::DVec3;
 /// `v / |v|`, or the x axis if the length of `v` is zero or not finite.
 pub(crate) fn unit(v: DVec3) -> DVec3 {
     let length = v.length();
-    match length > 0.0 && length.is_finite() {
-        true => v / length,
-        false => DVec3::X,
+    if length > 0.0 && length.is_finite() {
+        v / length
+    } else {
+        DVec3::X
     }
 }
 

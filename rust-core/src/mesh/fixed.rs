@@ -53,11 +53,12 @@ impl FixedLandmark {
                 self.place
             ))
         })?;
-        match place.iter().all(|x| x.is_finite()) {
-            true => Ok(place),
-            false => Err(Error::InvalidInput(format!(
+        if place.iter().all(|x| x.is_finite()) {
+            Ok(place)
+        } else {
+            Err(Error::InvalidInput(format!(
                 "fixed landmark {index}: position is not finite"
-            ))),
+            )))
         }
     }
 }

@@ -61,9 +61,10 @@ impl Mesh {
 
 fn unit_or_zero(v: DVec3) -> [f32; 3] {
     let length = v.length();
-    match length > 0.0 {
-        true => (v / length).as_vec3().into(),
-        false => [0.0; 3],
+    if length > 0.0 {
+        (v / length).as_vec3().into()
+    } else {
+        [0.0; 3]
     }
 }
 

@@ -12,9 +12,10 @@ use crate::{Error, Result};
 pub(crate) fn obj_text(bytes: &[u8]) -> String {
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     let text = String::from_utf8_lossy(bytes);
-    let text = match text.contains('\n') {
-        true => text,
-        false => text.replace('\r', "\n").into(),
+    let text = if text.contains('\n') {
+        text
+    } else {
+        text.replace('\r', "\n").into()
     };
     text.replace("\\\r\n", " ").replace("\\\n", " ")
 }

@@ -144,9 +144,10 @@ impl ObjectNames {
     pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
         let path = path.as_ref();
         let bytes = read_file(path, InputKind::Mesh)?;
-        Ok(match bytes.starts_with(b"ply") || bytes.contains(&0) {
-            true => ObjectNames::default(),
-            false => ObjectNames::of_obj(&super::obj_text(&bytes)),
+        Ok(if bytes.starts_with(b"ply") || bytes.contains(&0) {
+            ObjectNames::default()
+        } else {
+            ObjectNames::of_obj(&super::obj_text(&bytes))
         })
     }
 
@@ -155,9 +156,10 @@ impl ObjectNames {
     /// A vertex belongs to the first object with a face that uses it. If a file has both objects
     /// and groups, the objects count.
     pub fn of_obj(text: &str) -> ObjectNames {
-        let keyword = match text.lines().any(|line| line.starts_with("o ")) {
-            true => "o",
-            false => "g",
+        let keyword = if text.lines().any(|line| line.starts_with("o ")) {
+            "o"
+        } else {
+            "g"
         };
         let is_vertex = |line: &&str| line.split_whitespace().next() == Some("v");
         let mut out = ObjectNames {

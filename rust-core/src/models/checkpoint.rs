@@ -29,9 +29,10 @@ pub(crate) fn check_sizes(sizes: &[(&str, usize, usize)]) -> Result<(), String> 
 /// # Errors
 /// As [`check_sizes`].
 pub(crate) fn check_epsilon(epsilon: f32) -> Result<(), String> {
-    match (0.0..=1.0).contains(&epsilon) {
-        true => Ok(()),
-        false => Err(format!("layer_norm_eps: expected 0 to 1, got {epsilon}")),
+    if (0.0..=1.0).contains(&epsilon) {
+        Ok(())
+    } else {
+        Err(format!("layer_norm_eps: expected 0 to 1, got {epsilon}"))
     }
 }
 
@@ -43,9 +44,10 @@ pub(crate) fn check_epsilon(epsilon: f32) -> Result<(), String> {
 pub(crate) fn read(folder: &Path) -> Result<Weights> {
     let safetensors = folder.join("model.safetensors");
     let pytorch = folder.join(PYTORCH_FILE);
-    match pytorch.exists() && !safetensors.exists() {
-        true => read_pytorch(&pytorch),
-        false => Weights::from_file(&safetensors),
+    if pytorch.exists() && !safetensors.exists() {
+        read_pytorch(&pytorch)
+    } else {
+        Weights::from_file(&safetensors)
     }
 }
 

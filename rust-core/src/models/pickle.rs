@@ -56,9 +56,10 @@ pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
         let values = tensor.gather(count, storage)?;
         arrays.push((name.to_owned(), (tensor.shape.clone(), values)));
     }
-    match arrays.is_empty() {
-        true => Err("expected a dictionary of tensors, got none".to_owned()),
-        false => Ok(arrays),
+    if arrays.is_empty() {
+        Err("expected a dictionary of tensors, got none".to_owned())
+    } else {
+        Ok(arrays)
     }
 }
 
@@ -85,11 +86,12 @@ impl Archive {
         let mut limited = entry.take(LARGEST_PICKLE + 1);
         let read = limited.read_to_end(&mut pickle);
         read.map_err(|error| format!("data.pkl: {error}"))?;
-        match pickle.len() as u64 > LARGEST_PICKLE {
-            true => Err(format!(
+        if pickle.len() as u64 > LARGEST_PICKLE {
+            Err(format!(
                 "data.pkl: expected at most {LARGEST_PICKLE} bytes, got more"
-            )),
-            false => Ok((prefix, pickle)),
+            ))
+        } else {
+            Ok((prefix, pickle))
         }
     }
 
@@ -177,9 +179,10 @@ impl View {
             .map(|(size, stride)| (size - 1).checked_mul(*stride))
             .try_fold(self.offset, |at, way| at.checked_add(way?));
         let fits = last.is_some_and(|last| last < self.storage.numel);
-        match fits && self.shape.len() == self.strides.len() {
-            true => Ok(count),
-            false => Err(wrong()),
+        if fits && self.shape.len() == self.strides.len() {
+            Ok(count)
+        } else {
+            Err(wrong())
         }
     }
 
@@ -536,12 +539,13 @@ impl<'a> Machine<'a> {
 
     fn sizes_of(&self, id: Id) -> Result<Vec<usize>, String> {
         let items = self.tuple_of(id)?;
-        match items.len() > MOST_AXES {
-            true => Err(format!(
+        if items.len() > MOST_AXES {
+            Err(format!(
                 "expected at most {MOST_AXES} axes, got {}",
                 items.len()
-            )),
-            false => items.iter().map(|item| self.size_of(*item)).collect(),
+            ))
+        } else {
+            items.iter().map(|item| self.size_of(*item)).collect()
         }
     }
 
@@ -599,12 +603,13 @@ fn global(module: &str, name: &str) -> Result<String, String> {
 }
 
 fn short(name: &str) -> Result<&str, String> {
-    match name.len() > LONGEST_NAME {
-        true => Err(format!(
+    if name.len() > LONGEST_NAME {
+        Err(format!(
             "expected a name of at most {LONGEST_NAME} letters, got {}",
             name.len()
-        )),
-        false => Ok(name),
+        ))
+    } else {
+        Ok(name)
     }
 }
 

@@ -201,9 +201,10 @@ impl Weights {
     pub fn pp(&self, name: impl std::fmt::Display) -> Self {
         Weights {
             arrays: Arc::clone(&self.arrays),
-            prefix: match self.prefix.is_empty() {
-                true => name.to_string(),
-                false => format!("{}.{name}", self.prefix),
+            prefix: if self.prefix.is_empty() {
+                name.to_string()
+            } else {
+                format!("{}.{name}", self.prefix)
             },
         }
     }
@@ -264,9 +265,10 @@ impl Weights {
     }
 
     fn full_name(&self, name: &str) -> String {
-        match self.prefix.is_empty() {
-            true => name.to_owned(),
-            false => format!("{}.{name}", self.prefix),
+        if self.prefix.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{}.{name}", self.prefix)
         }
     }
 }

@@ -54,9 +54,12 @@ impl Bound {
     /// # Errors
     /// `InvalidInput` if a value is beyond `most` or is not a number.
     pub fn check<'a>(&self, values: impl IntoIterator<Item = &'a f32>) -> Result<Option<String>> {
-        let largest = |most: f32, value: &f32| match value.is_nan() {
-            true => f32::INFINITY,
-            false => most.max(value.abs()),
+        let largest = |most: f32, value: &f32| {
+            if value.is_nan() {
+                f32::INFINITY
+            } else {
+                most.max(value.abs())
+            }
         };
         let got = values.into_iter().fold(0.0, largest);
         let Bound {

@@ -130,14 +130,13 @@ impl Stretch {
 
     /// The gain of the stretch. `speech`: frames of speech in the whole clip.
     fn gain(&self, speech: f32) -> f32 {
-        let voice = match self.strong > 0.0 {
-            true => {
-                let (balance_db, pitch) = (self.balance_db / self.strong, self.pitch / self.strong);
-                let raised = RAISED_SHARE * part(pitch, RAISED);
-                let strain = (part(balance_db, STRAIN_DB) + raised).min(1.0);
-                1.0 + (LOUDEST - 1.0) * strain
-            }
-            false => 1.0,
+        let voice = if self.strong > 0.0 {
+            let (balance_db, pitch) = (self.balance_db / self.strong, self.pitch / self.strong);
+            let raised = RAISED_SHARE * part(pitch, RAISED);
+            let strain = (part(balance_db, STRAIN_DB) + raised).min(1.0);
+            1.0 + (LOUDEST - 1.0) * strain
+        } else {
+            1.0
         };
         let x = 1.0 - part(self.voiced / self.speech, VOICED);
         let whispers = x * x * (3.0 - 2.0 * x) * (speech / LEAST).min(1.0);

@@ -108,9 +108,10 @@ pub trait MotionStream: Send {
     /// # Errors
     /// `InvalidInput` if the system has no look-ahead that short, or after the first sound.
     fn look_ahead(&mut self, seconds: f64) -> Result<()> {
-        match seconds >= self.latency_s() {
-            true => Ok(()),
-            false => Err(too_short(self.latency_s(), seconds)),
+        if seconds >= self.latency_s() {
+            Ok(())
+        } else {
+            Err(too_short(self.latency_s(), seconds))
         }
     }
 

@@ -158,9 +158,10 @@ fn next(before: Fixation, start_s: f64, phrases: &Phrases, chance: &mut Chance) 
     let (drawn, pick) = (chance.unit(), chance.unit());
     let (turn, size) = (chance.unit(), chance.between(AWAY_DEG.0, AWAY_DEG.1));
     let is_away = !before.is_away && drawn < if begins { AWAY_AT_START } else { AWAY };
-    let point_deg = match is_away {
-        true => beside(turn, size),
-        false => scattered(on_face(before.point_deg, pick), chance),
+    let point_deg = if is_away {
+        beside(turn, size)
+    } else {
+        scattered(on_face(before.point_deg, pick), chance)
     };
     Fixation {
         start_s,

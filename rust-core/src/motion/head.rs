@@ -195,9 +195,10 @@ fn nods(prosody: &Prosody, chance: &mut Chance) -> Vec<Nod> {
         let size = (vary * (NOD_DEG + STRESS_DEG * prominence.max(-0.5))).min(MOST_NOD_DEG);
         let time_s = Prosody::time_s(frame) + LATE_S + late_s;
         let is_far = prominence >= STRONG && time_s >= free_s && pick < FAR_SHARE;
-        let far = match is_far {
-            true => (FAR_DEG + FARTHER_DEG * (prominence - STRONG) + more_deg).min(FARTHEST_DEG),
-            false => 0.0,
+        let far = if is_far {
+            (FAR_DEG + FARTHER_DEG * (prominence - STRONG) + more_deg).min(FARTHEST_DEG)
+        } else {
+            0.0
         };
         if is_far {
             free_s = time_s + FAR_APART_S;

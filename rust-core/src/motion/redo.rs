@@ -40,15 +40,16 @@ impl Stretch {
     /// # Errors
     /// `InvalidInput` for a time that is not finite or below 0, or an end that is not after the start.
     pub fn new(start_s: f64, end_s: f64) -> Result<Stretch> {
-        match start_s >= 0.0 && end_s > start_s && end_s.is_finite() {
-            true => Ok(Stretch {
+        if start_s >= 0.0 && end_s > start_s && end_s.is_finite() {
+            Ok(Stretch {
                 start_s,
                 end_s,
                 blend_s: BLEND_S,
-            }),
-            false => Err(Error::InvalidInput(format!(
+            })
+        } else {
+            Err(Error::InvalidInput(format!(
                 "redo: expected seconds of at least 0, the end after the start, got {start_s} to {end_s}"
-            ))),
+            )))
         }
     }
 
@@ -98,9 +99,12 @@ impl Stretch {
     fn share(&self, t: usize, frames: usize, fps: f64) -> f32 {
         let time_s = t as f64 / fps;
         let blend_s = self.blend_s.min(BLEND_PART * (self.end_s - self.start_s));
-        let rise = |inside_s: f64, is_end: bool| match is_end {
-            true => 1.0,
-            false => (inside_s / blend_s).clamp(0.0, 1.0),
+        let rise = |inside_s: f64, is_end: bool| {
+            if is_end {
+                1.0
+            } else {
+                (inside_s / blend_s).clamp(0.0, 1.0)
+            }
         };
         let last_s = frames.saturating_sub(1) as f64 / fps;
         let before = rise(time_s - self.start_s, self.start_s <= 0.0);
@@ -134,9 +138,10 @@ impl Stretch {
             let rows = Slice::from(t..t + 1);
             let new = new.slice_axis(Axis(0), rows);
             let mut out = out.slice_axis_mut(Axis(0), rows);
-            match share < 1.0 {
-                true => out.zip_mut_with(&new, |was, new| *was += share * (new - *was)),
-                false => out.assign(&new),
+            if share < 1.0 {
+                out.zip_mut_with(&new, |was, new| *was += share * (new - *was))
+            } else {
+                out.assign(&new)
             }
         }
         Ok(out)

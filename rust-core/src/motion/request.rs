@@ -149,12 +149,13 @@ pub fn check_closures(closures: &[[f64; 2]]) -> Result<()> {
 /// # Errors
 /// `InvalidInput` for a rate outside [`FPS`].
 pub fn check_fps(fps: f64) -> Result<()> {
-    match FPS.contains(&fps) {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
+    if FPS.contains(&fps) {
+        Ok(())
+    } else {
+        Err(Error::InvalidInput(format!(
             "fps: expected {} to {}, got {fps}",
             FPS.start(),
             FPS.end()
-        ))),
+        )))
     }
 }

@@ -48,9 +48,10 @@ pub(super) fn limit_frame(frame: &mut ArrayViewMut2<'_, f32>, eyes: &[Lids<'_>; 
 
 /// Leaves `x` unchanged up to the first bound. Beyond it the value approaches the second bound.
 fn up_to(x: f32, (free, most): (f32, f32)) -> f32 {
-    match x > free {
-        true => free + (most - free) * ((x - free) / (most - free)).tanh(),
-        false => x,
+    if x > free {
+        free + (most - free) * ((x - free) / (most - free)).tanh()
+    } else {
+        x
     }
 }
 

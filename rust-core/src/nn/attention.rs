@@ -84,9 +84,10 @@ impl SelfAttention {
             .map(|(name, biased)| {
                 let part = weights.pp(name);
                 let weight = part.matrix("weight", channels, channels)?;
-                let bias = match biased {
-                    true => part.vector("bias", channels)?,
-                    false => Array1::zeros(channels),
+                let bias = if *biased {
+                    part.vector("bias", channels)?
+                } else {
+                    Array1::zeros(channels)
                 };
                 Ok((weight, bias))
             })
@@ -183,11 +184,12 @@ impl CrossAttention {
 }
 
 fn check_heads(channels: usize, heads: usize) -> Result<()> {
-    match heads > 0 && channels.is_multiple_of(heads) {
-        true => Ok(()),
-        false => Err(crate::Error::Weights(format!(
+    if heads > 0 && channels.is_multiple_of(heads) {
+        Ok(())
+    } else {
+        Err(crate::Error::Weights(format!(
             "attention: expected a number of heads that divides {channels} channels, got {heads}"
-        ))),
+        )))
     }
 }
 

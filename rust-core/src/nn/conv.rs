@@ -26,9 +26,10 @@ impl Conv1d {
     /// `Weights` if one is missing or has another shape.
     pub fn load(weights: &Weights, shape: [usize; 3], stride: usize, bias: bool) -> Result<Self> {
         let values = weights.first_axis_last("weight", &shape)?;
-        let bias = match bias {
-            true => weights.vector("bias", shape[0])?,
-            false => Array1::zeros(shape[0]),
+        let bias = if bias {
+            weights.vector("bias", shape[0])?
+        } else {
+            Array1::zeros(shape[0])
         };
         Ok(Self::of_columns(&values, shape, bias, stride))
     }
@@ -97,9 +98,10 @@ impl Conv1d {
     /// Rows of the output for `rows` rows of input.
     pub fn output_rows(&self, rows: usize) -> usize {
         let (rows, reach) = (rows + 2 * self.padding, self.dilation * (self.taps() - 1));
-        match rows > reach {
-            true => (rows - reach - 1) / self.stride + 1,
-            false => 0,
+        if rows > reach {
+            (rows - reach - 1) / self.stride + 1
+        } else {
+            0
         }
     }
 

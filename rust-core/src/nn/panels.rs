@@ -177,9 +177,10 @@ impl Product<'_> {
         let first = panel * PANEL;
         for n in 0..N {
             let out = &mut self.out[(row + n) * columns..][..columns];
-            match first + P * PANEL <= columns {
-                true => write(simd, self.start, self.finish, sums[n], first, out),
-                false => write_narrow(simd, self.start, self.finish, sums[n], first, out),
+            if first + P * PANEL <= columns {
+                write(simd, self.start, self.finish, sums[n], first, out)
+            } else {
+                write_narrow(simd, self.start, self.finish, sums[n], first, out)
             }
         }
     }

@@ -47,13 +47,15 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
             got: format!("[{frames}, {landmarks}, {axes}]"),
         });
     }
-    let neutral = match npz.has("landmarks_neutral") {
-        true => Some(neutral_of(&npz.array("landmarks_neutral")?)?),
-        false => None,
+    let neutral = if npz.has("landmarks_neutral") {
+        Some(neutral_of(&npz.array("landmarks_neutral")?)?)
+    } else {
+        None
     };
-    let fps = match npz.has("fps") {
-        true => Some(npz.number("fps")?),
-        false => None,
+    let fps = if npz.has("fps") {
+        Some(npz.number("fps")?)
+    } else {
+        None
     };
     check_finite(displacements.view().into_dyn(), fps).map_err(|e| bad(&e))?;
     if neutral.is_none() {
@@ -82,9 +84,10 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
     let head: Array2<f32> = npz.array("head")?;
     let gaze: Array3<f32> = npz.array("gaze")?;
     let frames = head.nrows();
-    let tongue: Array2<f32> = match npz.has("tongue") {
-        true => npz.array("tongue")?,
-        false => Life::still(frames).tongue,
+    let tongue: Array2<f32> = if npz.has("tongue") {
+        npz.array("tongue")?
+    } else {
+        Life::still(frames).tongue
     };
     let sizes = (head.ncols(), gaze.dim(), tongue.dim());
     if sizes != (3, (frames, 2, 2), (frames, TONGUE_PLACES)) {

@@ -175,17 +175,19 @@ impl MotionFile {
 /// `InvalidInput` for another extension.
 pub fn check_motion_path(path: &Path, is_weights: bool) -> Result<()> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let expected = match is_weights {
-        true => &["npz", "csv", "json"][..],
-        false => &["npz"],
+    let expected = if is_weights {
+        &["npz", "csv", "json"][..]
+    } else {
+        &["npz"]
     };
-    match expected.contains(&ending.to_ascii_lowercase().as_str()) {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
+    if expected.contains(&ending.to_ascii_lowercase().as_str()) {
+        Ok(())
+    } else {
+        Err(Error::InvalidInput(format!(
             "{}: expected a name that ends in .{} for motion of {}",
             path.display(),
             expected.join(", ."),
             if is_weights { "weights" } else { "landmarks" }
-        ))),
+        )))
     }
 }

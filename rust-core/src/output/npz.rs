@@ -127,18 +127,20 @@ struct QuietAfterFailure<W> {
 
 impl<W: Write> Write for QuietAfterFailure<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = match self.failed {
-            true => bytes.len(),
-            false => self.file.write(bytes).inspect_err(|_| self.failed = true)?,
+        let written = if self.failed {
+            bytes.len()
+        } else {
+            self.file.write(bytes).inspect_err(|_| self.failed = true)?
         };
         self.position += written as u64;
         Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match self.failed {
-            true => Ok(()),
-            false => self.file.flush().inspect_err(|_| self.failed = true),
+        if self.failed {
+            Ok(())
+        } else {
+            self.file.flush().inspect_err(|_| self.failed = true)
         }
     }
 }

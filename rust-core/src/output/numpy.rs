@@ -140,9 +140,10 @@ fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<
     }
     let read = entry.by_ref().take(size).read_to_end(&mut bytes);
     read.map_err(|e| e.to_string())?;
-    match bytes.len() == length {
-        true => Ok(bytes),
-        false => Err(format!("expected {length} bytes, got {}", bytes.len())),
+    if bytes.len() == length {
+        Ok(bytes)
+    } else {
+        Err(format!("expected {length} bytes, got {}", bytes.len()))
     }
 }
 
@@ -216,9 +217,12 @@ fn numbers<T>(stored: &Stored, convert: fn(f64) -> T) -> Result<Vec<T>, String> 
         ($kind:ty) => {{
             let (items, _) = stored.bytes.as_chunks::<{ size_of::<$kind>() }>();
             let is_big = stored.kind.starts_with('>');
-            let number = |item: &[u8; size_of::<$kind>()]| match is_big {
-                true => <$kind>::from_be_bytes(*item),
-                false => <$kind>::from_le_bytes(*item),
+            let number = |item: &[u8; size_of::<$kind>()]| {
+                if is_big {
+                    <$kind>::from_be_bytes(*item)
+                } else {
+                    <$kind>::from_le_bytes(*item)
+                }
             };
             Ok(items
                 .iter()

@@ -196,9 +196,10 @@ impl<'a> Rewriter<'a> {
                     self.mixed(vertex, &around, from.corners[k])
                 })
                 .collect();
-            match in_bag {
-                true => write_face(&mut self.bag, &mixed),
-                false => write_face(text, &mixed),
+            if in_bag {
+                write_face(&mut self.bag, &mixed)
+            } else {
+                write_face(text, &mixed)
             }
             self.bag_left -= usize::from(in_bag);
         }

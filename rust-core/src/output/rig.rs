@@ -103,13 +103,14 @@ pub fn write_rig_folder(
 }
 
 fn check(rig: &Rig, mesh: &Mesh) -> Result<()> {
-    match rig.deltas.dim().1 == mesh.positions.len() {
-        true => Ok(()),
-        false => Err(Error::ShapeMismatch {
+    if rig.deltas.dim().1 == mesh.positions.len() {
+        Ok(())
+    } else {
+        Err(Error::ShapeMismatch {
             what: "mesh",
             expected: format!("[{}, 3], the rig's vertices", rig.deltas.dim().1),
             got: format!("[{}, 3]", mesh.positions.len()),
-        }),
+        })
     }
 }
 

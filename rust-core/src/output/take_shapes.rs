@@ -56,9 +56,10 @@ impl TakeShapes {
     ) -> Result<Array2<f32>> {
         let mut weights = looks(moved.dim().0, life);
         let is_looking = weights.iter().any(|w| *w > 0.0);
-        let left = match is_looking {
-            true => self.without(&weights, moved),
-            false => moved.to_owned(),
+        let left = if is_looking {
+            self.without(&weights, moved)
+        } else {
+            moved.to_owned()
         };
         let is_free = |name: &&str| !(is_looking && name.starts_with("eyeLook"));
         let names: Vec<&str> = ARKIT.into_iter().filter(is_free).collect();

@@ -143,19 +143,18 @@ fn animation(
         "        }}\n        uniform token[] joints = [\"Head\"]\n        half3[] scales = [(1, 1, 1)]\n        \
          float3[] translations = [({x}, {y}, {z})]"
     )?;
-    match joint.turns.is_empty() {
-        true => writeln!(file, "        quatf[] rotations = [(1, 0, 0, 0)]")?,
-        false => {
-            writeln!(file, "        quatf[] rotations.timeSamples = {{")?;
-            for (t, q) in joint.turns.iter().enumerate() {
-                writeln!(
-                    file,
-                    "            {t}: [({}, {}, {}, {})],",
-                    q.w, q.x, q.y, q.z
-                )?;
-            }
-            writeln!(file, "        }}")?;
+    if joint.turns.is_empty() {
+        writeln!(file, "        quatf[] rotations = [(1, 0, 0, 0)]")?
+    } else {
+        writeln!(file, "        quatf[] rotations.timeSamples = {{")?;
+        for (t, q) in joint.turns.iter().enumerate() {
+            writeln!(
+                file,
+                "            {t}: [({}, {}, {}, {})],",
+                q.w, q.x, q.y, q.z
+            )?;
         }
+        writeln!(file, "        }}")?;
     }
     writeln!(file, "    }}")
 }

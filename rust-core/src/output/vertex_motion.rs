@@ -65,12 +65,13 @@ fn check_far(displacements: &Array3<f32>, mesh: &Mesh) -> Result<()> {
     let got = displacements
         .iter()
         .fold(0.0, |most: f32, x| most.max(x.abs()));
-    match got <= FARTHEST * size {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
+    if got <= FARTHEST * size {
+        Ok(())
+    } else {
+        Err(Error::InvalidInput(format!(
             "animation: expected displacements up to {FARTHEST} times the size of the mesh, which is {size}, got {got}; \
              is it of another mesh or in another unit?"
-        ))),
+        )))
     }
 }
 
@@ -90,9 +91,10 @@ fn read_npz(path: &Path, vertices: usize) -> Result<VertexMotion> {
     if (got, axes) != (vertices, 3) {
         return Err(mismatch(vertices, &format!("[{frames}, {got}, {axes}]")));
     }
-    let fps = match npz.has("fps") {
-        true => Some(npz.number("fps")?),
-        false => None,
+    let fps = if npz.has("fps") {
+        Some(npz.number("fps")?)
+    } else {
+        None
     };
     if let Some(fps) = fps {
         check_fps(fps).map_err(|e| named(path, e))?;
@@ -109,9 +111,10 @@ fn mismatch(vertices: usize, got: &str) -> Error {
 }
 
 fn check(got: usize, vertices: usize) -> Result<()> {
-    match got == vertices {
-        true => Ok(()),
-        false => Err(mismatch(vertices, &format!("[T, {got}, 3]"))),
+    if got == vertices {
+        Ok(())
+    } else {
+        Err(mismatch(vertices, &format!("[T, {got}, 3]")))
     }
 }
 

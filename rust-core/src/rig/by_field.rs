@@ -71,9 +71,10 @@ impl RigModel {
         let features = face.features();
         let follows = &face.surface()?.follows;
         for (row, mut shape_deltas) in deltas.outer_iter_mut().enumerate() {
-            let (shape, weight) = match row < shapes {
-                true => (row, 1.0),
-                false => (row - shapes, 0.5),
+            let (shape, weight) = if row < shapes {
+                (row, 1.0)
+            } else {
+                (row - shapes, 0.5)
             };
             let known = weights.row(row).iter().any(|w| *w != 0.0);
             let share = ARKIT.get(shape).map_or(1.0, |name| features.of_shape(name));

@@ -71,11 +71,10 @@ fn meshed(
     }
     let crossed = known.follow(near, (longest, most_bytes))?;
     let mesh = known.joined(&crossed)?;
-    match mesh.triangles.is_empty() {
-        true => {
-            wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned())
-        }
-        false => Ok(mesh),
+    if mesh.triangles.is_empty() {
+        wrong("expected the field to be zero somewhere in the grid, got one sign".to_owned())
+    } else {
+        Ok(mesh)
     }
 }
 
@@ -85,13 +84,14 @@ fn wrong<T>(complaint: String) -> Result<T> {
 
 fn check_bytes(longest: usize, bytes: usize, most: usize) -> Result<()> {
     let mb = |bytes: usize| bytes.div_ceil(1 << 20);
-    match bytes > most {
-        true => wrong(format!(
+    if bytes > most {
+        wrong(format!(
             "{longest} cells along a side need {} MB for this field, expected at most {} MB; choose fewer cells",
             mb(bytes),
             mb(most)
-        )),
-        false => Ok(()),
+        ))
+    } else {
+        Ok(())
     }
 }
 
@@ -253,9 +253,10 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         let there = self.values(&places)?;
         let again = edges.iter().zip(&ends).zip(first.iter().zip(&there));
         let again = again.map(|((edge, [a, b]), (share, here))| {
-            let share = match (*here < 0.0) == (*a < 0.0) {
-                true => share + (1.0 - share) * between([*here, *b]),
-                false => share * between([*a, *here]),
+            let share = if (*here < 0.0) == (*a < 0.0) {
+                share + (1.0 - share) * between([*here, *b])
+            } else {
+                share * between([*a, *here])
             };
             place(edge, share.clamp(NEAREST, 1.0 - NEAREST))
         });
@@ -373,9 +374,12 @@ mod tests {
         let grid = grid(16);
         let corner = |x: f32| ((x + 1.0) / grid.step).round() as usize;
         let noise = |points: ArrayView2<'_, f32>| -> Vec<f32> {
-            let at = |p: [usize; 3]| match p.iter().all(|x| (1..16).contains(x)) {
-                true => values[(p[2] * 17 + p[1]) * 17 + p[0]],
-                false => 1.0,
+            let at = |p: [usize; 3]| {
+                if p.iter().all(|x| (1..16).contains(x)) {
+                    values[(p[2] * 17 + p[1]) * 17 + p[0]]
+                } else {
+                    1.0
+                }
             };
             points
                 .outer_iter()

@@ -97,9 +97,10 @@ impl<'a> Walk<'a> {
         let rows = self.body.enter(outputs);
         self.rows = concatenate(Axis(0), &[self.rows.view(), rows.view()]).expect("equal widths");
         let here = self.first + self.rows.nrows() / FEATURES_EACH;
-        let end = match is_last {
-            true => self.features.nrows(),
-            false => here.saturating_sub(context).max(self.done),
+        let end = if is_last {
+            self.features.nrows()
+        } else {
+            here.saturating_sub(context).max(self.done)
         };
         let features = self.body.forward(&self.rows);
         let (from, to) = (self.done - self.first, end - self.first);
@@ -138,13 +139,12 @@ impl SpeechEncoder for Ear {
 }
 
 fn long_enough(samples: &[f32]) -> Cow<'_, [f32]> {
-    match samples.len() < LEAST_SAMPLES {
-        true => {
-            let mut padded = samples.to_vec();
-            padded.resize(LEAST_SAMPLES, 0.0);
-            padded.into()
-        }
-        false => samples.into(),
+    if samples.len() < LEAST_SAMPLES {
+        let mut padded = samples.to_vec();
+        padded.resize(LEAST_SAMPLES, 0.0);
+        padded.into()
+    } else {
+        samples.into()
     }
 }
 

@@ -231,9 +231,10 @@ impl VoiceTrack {
         numbers.extend(tilt(&spoken));
         numbers.extend(timbre(cepstra, loud, &active));
         let sung = true_places(&voiced);
-        let coloured = match sung.len() >= LEAST_VOICED {
-            true => relative.select(Axis(0), &sung),
-            false => spoken,
+        let coloured = if sung.len() >= LEAST_VOICED {
+            relative.select(Axis(0), &sung)
+        } else {
+            spoken
         };
         numbers.extend(columns(&coloured, mean).into_iter().step_by(4));
         VoiceWindow {
@@ -264,9 +265,10 @@ fn check_voice(what: &str, waveform: &Waveform) -> Result<()> {
     if !waveform.is_silent() && got_s >= least_s {
         return Ok(());
     }
-    let got = match waveform.is_silent() {
-        true => "silence".to_owned(),
-        false => format!("{got_s:.2} s"),
+    let got = if waveform.is_silent() {
+        "silence".to_owned()
+    } else {
+        format!("{got_s:.2} s")
     };
     Err(Error::Audio(format!(
         "{what}: expected a voice of at least {least_s} s, got {got}"
@@ -417,10 +419,10 @@ impl Ear {
         let bins = self.analyser.power().skip(LOW_BIN).take(HIGH_BIN - LOW_BIN);
         let power = Array1::from_iter(bins);
         let share = power.dot(&self.cosines) / power.sum().max(1e-9) / &self.overlap;
-        let best = (0..share.len()).fold(0, |best, lag| match share[lag] > share[best] {
-            true => lag,
-            false => best,
-        });
+        let best = (0..share.len()).fold(
+            0,
+            |best, lag| if share[lag] > share[best] { lag } else { best },
+        );
         let hertz = f64::from(SAMPLE_RATE_HZ) / (FIRST_LAG + best) as f64;
         HeardFrame {
             mel,

@@ -212,13 +212,14 @@ impl Tells {
             EMOTIONS.iter().position(|emotion| emotion == name)
         };
         let emotions: Vec<usize> = labels.iter().map(|l| known(l).unwrap_or(0)).collect();
-        match emotions.iter().any(|emotion| *emotion != 0) {
-            true => Ok(Tells::Categories(emotions)),
-            false => Err(format!(
+        if emotions.iter().any(|emotion| *emotion != 0) {
+            Ok(Tells::Categories(emotions))
+        } else {
+            Err(format!(
                 "id2label: expected arousal and valence, or names of emotions such as {}, got {}",
                 EMOTIONS.join(", "),
                 labels.join(", ")
-            )),
+            ))
         }
     }
 
@@ -278,9 +279,10 @@ fn head(
 ) -> Result<(Linear, Linear)> {
     let classifier = weights.pp("classifier");
     if classifier.contains("dense.weight") {
-        let last = match classifier.contains("output.weight") {
-            true => "output",
-            false => "out_proj",
+        let last = if classifier.contains("output.weight") {
+            "output"
+        } else {
+            "out_proj"
         };
         let dense = Linear::load(&classifier.pp("dense"), channels, channels)?;
         return Ok((dense, Linear::load(&classifier.pp(last), channels, labels)?));

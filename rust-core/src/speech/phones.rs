@@ -280,9 +280,10 @@ impl PhoneModel {
         for ((mut row, heard), is_told) in
             rows.outer_iter_mut().zip(heard.outer_iter()).zip(is_told)
         {
-            match is_told {
-                true => normalise(row),
-                false => row.assign(&heard),
+            if is_told {
+                normalise(row)
+            } else {
+                row.assign(&heard)
             }
         }
         Ok(rows)
@@ -290,12 +291,13 @@ impl PhoneModel {
 
     fn check(&self, track: &FeatureTrack, encoder: &str) -> Result<()> {
         let channels = track.features.ncols();
-        match (encoder, channels) == (&self.config.encoder, self.config.channels) {
-            true => Ok(()),
-            false => Err(Error::Weights(format!(
+        if (encoder, channels) == (&self.config.encoder, self.config.channels) {
+            Ok(())
+        } else {
+            Err(Error::Weights(format!(
                 "phones: expected {} features of {}, got {channels} of {}",
                 self.config.channels, self.config.encoder, encoder
-            ))),
+            )))
         }
     }
 
@@ -405,9 +407,10 @@ impl PhoneModel {
         for (mut row, state) in likelihood.rows_mut().into_iter().zip(path) {
             let column = states[*state].column;
             for (class, x) in row.iter_mut().enumerate() {
-                let p = match column < self.table.nrows() {
-                    true => self.table[[column, class]],
-                    false => f32::from(class == 0),
+                let p = if column < self.table.nrows() {
+                    self.table[[column, class]]
+                } else {
+                    f32::from(class == 0)
                 };
                 *x += TEXT_POWER * p.max(LEAST).ln();
             }

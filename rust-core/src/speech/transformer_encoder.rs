@@ -91,10 +91,11 @@ impl TransformerEncoder {
             )));
         }
         let preprocessor = folder.join("preprocessor_config.json");
-        let normalise = match preprocessor.exists() {
-            true => read_preprocessor(&read_text(&preprocessor, InputKind::Text)?)?,
+        let normalise = if preprocessor.exists() {
+            read_preprocessor(&read_text(&preprocessor, InputKind::Text)?)?
+        } else {
             // The default of Hugging Face's feature extractor.
-            false => true,
+            true
         };
         Self::new(config, weights, normalise, layer)
     }
@@ -112,9 +113,10 @@ impl TransformerEncoder {
             )));
         }
         // In checkpoints of models with a head, the encoder lies one level down.
-        let weights = match weights.contains("feature_projection.projection.weight") {
-            true => weights.clone(),
-            false => weights.pp(&config.model_type),
+        let weights = if weights.contains("feature_projection.projection.weight") {
+            weights.clone()
+        } else {
+            weights.pp(&config.model_type)
         };
         let channels = *config.conv_dim.last().expect("checked");
         let (hidden, epsilon) = (config.hidden_size, config.layer_norm_eps);
@@ -125,13 +127,14 @@ impl TransformerEncoder {
             chosen: layer.map_or(Chosen::Output, Chosen::Layer),
             transformer_fps: None,
             features: ConvFeatures::load(&weights.pp("feature_extractor"), &config)?,
-            projection_norm: match config.feat_proj_layer_norm {
-                true => Some(LayerNorm::load(
+            projection_norm: if config.feat_proj_layer_norm {
+                Some(LayerNorm::load(
                     &projection.pp("layer_norm"),
                     channels,
                     epsilon,
-                )?),
-                false => None,
+                )?)
+            } else {
+                None
             },
             projection: Linear::load(&projection.pp("projection"), channels, hidden)?,
             positions: PositionalConv::load(&encoder.pp("pos_conv_embed.conv"), &config)?,
@@ -178,9 +181,10 @@ impl TransformerEncoder {
     /// (at 50 Hz 30 s and 2 s), so that the cost grows with their length and not with its square.
     /// If the first convolution normalises over time, it does so over each span with its context.
     pub fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
-        let samples = match self.normalise {
-            true => unit_variance(&waveform.samples),
-            false => waveform.samples.clone(),
+        let samples = if self.normalise {
+            unit_variance(&waveform.samples)
+        } else {
+            waveform.samples.clone()
         };
         self.check_length(&samples)?;
         let heard = self.heard_frames(samples.len());
@@ -231,9 +235,10 @@ impl TransformerEncoder {
     fn convolved(&self, samples: &[f32], frames: Range<usize>) -> Array2<f32> {
         let (hop, field) = (self.features.hop(), self.features.receptive_field());
         // The norm of the first convolution also sees the samples after the last whole frame.
-        let until = match frames.end == self.heard_frames(samples.len()) {
-            true => samples.len(),
-            false => (frames.end - 1) * hop + field,
+        let until = if frames.end == self.heard_frames(samples.len()) {
+            samples.len()
+        } else {
+            (frames.end - 1) * hop + field
         };
         self.features.forward(&samples[frames.start * hop..until])
     }
@@ -249,9 +254,10 @@ impl TransformerEncoder {
         let (rate_hz, first_s) = self.heard_instants();
         let place = |frame: usize| ((frame as f64 / fps - first_s) * rate_hz).max(0.0) as usize;
         let first = place(frames.start).min(heard - 1);
-        let last = match is_last {
-            true => heard,
-            false => (place(frames.end - 1) + 2).min(heard),
+        let last = if is_last {
+            heard
+        } else {
+            (place(frames.end - 1) + 2).min(heard)
         };
         let track = FeatureTrack {
             features: self.convolved(samples, first..last),
@@ -263,11 +269,12 @@ impl TransformerEncoder {
 
     fn check_length(&self, samples: &[f32]) -> Result<()> {
         let (field, got) = (self.features.receptive_field(), samples.len());
-        match got < field {
-            false => Ok(()),
-            true => Err(Error::Audio(format!(
+        if got < field {
+            Err(Error::Audio(format!(
                 "expected at least {field} samples at 16 kHz, got {got}"
-            ))),
+            )))
+        } else {
+            Ok(())
         }
     }
 
@@ -437,12 +444,13 @@ fn weight_normalised(weights: &Weights, shape: [usize; 3]) -> Result<Vec<f32>> {
     if !old && weights.contains("weight") {
         return weights.values("weight", &shape);
     }
-    let [gain, direction] = match old {
-        true => ["weight_g", "weight_v"],
-        false => [
+    let [gain, direction] = if old {
+        ["weight_g", "weight_v"]
+    } else {
+        [
             "parametrizations.weight.original0",
             "parametrizations.weight.original1",
-        ],
+        ]
     };
     let taps = shape[2];
     let gain = weights.values(gain, &[1, 1, taps])?;

@@ -104,14 +104,16 @@ impl VoiceGate {
             self.hear();
         }
         let step_s = 1.0 / self.fps;
-        let step = match self.is_open {
-            true => step_s / WAKE_S,
-            false => -step_s / REST_S,
+        let step = if self.is_open {
+            step_s / WAKE_S
+        } else {
+            -step_s / REST_S
         };
         self.share = (self.share + step as f32).clamp(0.0, 1.0);
-        match self.share > 0.0 {
-            true => self.closed_s = 0.0,
-            false => self.closed_s += step_s,
+        if self.share > 0.0 {
+            self.closed_s = 0.0
+        } else {
+            self.closed_s += step_s
         }
         // Slow at both ends.
         self.share * self.share * (3.0 - 2.0 * self.share)
@@ -131,16 +133,18 @@ impl VoiceGate {
         self.heard += WINDOW;
         let voice = self.detector.predict_f32(&self.window);
         let steadiness = self.tones.hear(&self.window, voice > VOICE_GOES_ON);
-        let (least, most) = match self.is_open {
-            true => (VOICE_GOES_ON, STILL_GLIDING),
-            false => (VOICE, GLIDING),
+        let (least, most) = if self.is_open {
+            (VOICE_GOES_ON, STILL_GLIDING)
+        } else {
+            (VOICE, GLIDING)
         };
         let is_voice = voice > least && steadiness < most;
         self.voiced = if is_voice { self.voiced + 1 } else { 0 };
         self.pause = if is_voice { 0 } else { self.pause + 1 };
-        self.is_open = match self.is_open {
-            true => self.pause <= PAUSE && steadiness <= STEADY,
-            false => self.voiced >= WINDOWS_TO_OPEN,
+        self.is_open = if self.is_open {
+            self.pause <= PAUSE && steadiness <= STEADY
+        } else {
+            self.voiced >= WINDOWS_TO_OPEN
         };
     }
 }

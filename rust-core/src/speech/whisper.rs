@@ -115,9 +115,10 @@ impl Whisper {
             )));
         }
         // In models that also write text, the encoder lies one level down.
-        let weights = match weights.contains("encoder.conv1.weight") {
-            true => weights.pp("encoder"),
-            false => weights.pp("model.encoder"),
+        let weights = if weights.contains("encoder.conv1.weight") {
+            weights.pp("encoder")
+        } else {
+            weights.pp("model.encoder")
         };
         let sizes = TrunkSizes {
             width: config.d_model,

@@ -82,9 +82,10 @@ fn cut_frame(samples: &[f32], frame: usize, framed: &mut [f32]) {
 /// repeating its first or last sample.
 fn mirrored(samples: &[f32], place: isize) -> f32 {
     let last = samples.len() as isize - 1;
-    let inside = match place > last {
-        true => 2 * last - place,
-        false => place.abs(),
+    let inside = if place > last {
+        2 * last - place
+    } else {
+        place.abs()
     };
     samples[inside as usize]
 }
@@ -117,16 +118,18 @@ fn filters() -> Vec<Filter> {
 }
 
 fn hertz_to_mel(hertz: f64) -> f64 {
-    match hertz < KNEE_HZ {
-        true => hertz * KNEE_MEL / KNEE_HZ,
-        false => KNEE_MEL + 27.0 * (hertz / KNEE_HZ).ln() / 6.4f64.ln(),
+    if hertz < KNEE_HZ {
+        hertz * KNEE_MEL / KNEE_HZ
+    } else {
+        KNEE_MEL + 27.0 * (hertz / KNEE_HZ).ln() / 6.4f64.ln()
     }
 }
 
 fn mel_to_hertz(mel: f64) -> f64 {
-    match mel < KNEE_MEL {
-        true => mel * KNEE_HZ / KNEE_MEL,
-        false => KNEE_HZ * ((mel - KNEE_MEL) * 6.4f64.ln() / 27.0).exp(),
+    if mel < KNEE_MEL {
+        mel * KNEE_HZ / KNEE_MEL
+    } else {
+        KNEE_HZ * ((mel - KNEE_MEL) * 6.4f64.ln() / 27.0).exp()
     }
 }
 

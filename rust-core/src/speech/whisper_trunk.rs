@@ -180,9 +180,10 @@ impl WhisperTrunk {
         let mut start = 0;
         while start < total {
             report(progress, "speech", start as f32 / total as f32)?;
-            let end = match total - start < SPAN + CONTEXT {
-                true => total,
-                false => start + SPAN,
+            let end = if total - start < SPAN + CONTEXT {
+                total
+            } else {
+                start + SPAN
             };
             let first = start.saturating_sub(CONTEXT);
             let last = (end + CONTEXT).min(total);
@@ -212,12 +213,13 @@ impl TrunkSizes {
             ("heads", self.heads, 256),
             ("feedforward", self.feedforward, 65_536),
         ])?;
-        match self.width >= 4 && self.width.is_multiple_of(2) {
-            true => Ok(()),
-            false => Err(format!(
+        if self.width >= 4 && self.width.is_multiple_of(2) {
+            Ok(())
+        } else {
+            Err(format!(
                 "width: expected an even number from 4 on, got {}",
                 self.width
-            )),
+            ))
         }
     }
 }
@@ -229,9 +231,10 @@ fn sinusoids(width: usize) -> Array2<f32> {
     Array2::from_shape_fn((PLACES, width), |(place, channel)| {
         let share = (channel % waves) as f64 / (waves - 1) as f64;
         let angle = place as f64 * LONGEST_WAVE.powf(-share);
-        match channel < waves {
-            true => angle.sin() as f32,
-            false => angle.cos() as f32,
+        if channel < waves {
+            angle.sin() as f32
+        } else {
+            angle.cos() as f32
         }
     })
 }

@@ -494,10 +494,7 @@ fn largest(frame: ArrayView2<'_, f32>) -> f32 {
         .into_iter()
         .map(|d| d.iter().map(|x| x * x).sum::<f32>());
     let (most, sum) = squared.fold((0.0, 0.0), |(most, sum), d| (f32::max(most, d), sum + d));
-    match sum.is_nan() {
-        true => f32::NAN,
-        false => most.sqrt(),
-    }
+    if sum.is_nan() { f32::NAN } else { most.sqrt() }
 }
 
 /// Picks from displacements `moved` `[t, V, 3]` those of the vertices nearest to the landmarks,

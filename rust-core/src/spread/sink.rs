@@ -87,12 +87,13 @@ fn room_for(frames: usize, vertices: usize) -> Result<()> {
     let bytes = (numbers as u64).saturating_mul(4);
     let is_left = available().is_none_or(|left| bytes <= left);
     // A system that has this much memory may still refuse to give it in one piece.
-    match is_left && Vec::<f32>::new().try_reserve_exact(numbers).is_ok() {
-        true => Ok(()),
-        false => Err(Error::OutOfMemory(format!(
+    if is_left && Vec::<f32>::new().try_reserve_exact(numbers).is_ok() {
+        Ok(())
+    } else {
+        Err(Error::OutOfMemory(format!(
             "{frames} frames of {vertices} vertices take {} MB: take them block by block or as a file",
             bytes >> 20
-        ))),
+        )))
     }
 }
 

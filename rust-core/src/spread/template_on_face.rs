@@ -75,9 +75,10 @@ impl TemplateOnFace {
                 let corners = place.corners.iter().zip(place.weights);
                 followed.extend(corners.map(|(&corner, weight)| (corner, by_row * weight)));
             }
-            match share_sum > 0.0 {
-                true => (followed, share_sum / total),
-                false => (Vec::new(), 0.0),
+            if share_sum > 0.0 {
+                (followed, share_sum / total)
+            } else {
+                (Vec::new(), 0.0)
             }
         };
         let vertices = 0..face.mesh.positions.len();
@@ -190,9 +191,10 @@ impl Bent {
         // The triangles of a mesh may be inside out. Keep the side on which more follows.
         let (out, inside_out) = (all(1.0), all(-1.0));
         let sum = |places: &[Option<Place>]| places.iter().flatten().map(|p| p.share).sum::<f32>();
-        let better = match sum(&out) >= sum(&inside_out) {
-            true => out,
-            false => inside_out,
+        let better = if sum(&out) >= sum(&inside_out) {
+            out
+        } else {
+            inside_out
         };
         let nowhere = || Place {
             corners: [0; 3],

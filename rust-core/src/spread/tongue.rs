@@ -471,9 +471,10 @@ impl Room {
         };
         let in_front: Vec<[f32; 3]> = skull.iter().filter(is_in_front).copied().collect();
         let heights = in_front.iter().map(|p| p[1]);
-        let edge = match in_front.is_empty() {
-            true => lips[1],
-            false => heights.fold(f32::INFINITY, f32::min),
+        let edge = if in_front.is_empty() {
+            lips[1]
+        } else {
+            heights.fold(f32::INFINITY, f32::min)
         };
         let deepest = in_front
             .iter()
@@ -482,9 +483,10 @@ impl Room {
             - THICK_CM * unit;
         let front: Vec<[f32; 3]> = surface.iter().filter(|p| p[2] > deepest).copied().collect();
         let anywhere = lips[2] - INNER_CM * unit;
-        let upper = match in_front.is_empty() {
-            true => Wall::flat(lips[0], edge, anywhere, unit),
-            false => Wall::of(&front, lips[0], edge, unit),
+        let upper = if in_front.is_empty() {
+            Wall::flat(lips[0], edge, anywhere, unit)
+        } else {
+            Wall::of(&front, lips[0], edge, unit)
         };
         let palate = edge + PALATE_CM * unit;
         let mut room = Room {
@@ -532,9 +534,10 @@ impl Room {
         let mix = |from: usize, to: usize, share: f32| {
             self.roof[from] + share.clamp(0.0, 1.0) * (self.roof[to] - self.roof[from])
         };
-        match z > middle {
-            true => mix(1, 0, (z - middle) / (tip - middle)),
-            false => mix(2, 1, (z - back) / (middle - back)),
+        if z > middle {
+            mix(1, 0, (z - middle) / (tip - middle))
+        } else {
+            mix(2, 1, (z - back) / (middle - back))
         }
     }
 
@@ -666,9 +669,10 @@ impl Wall {
         let place = ((height - self.low) / self.step).clamp(0.0, (WALL_HEIGHTS - 1) as f32);
         let (h, share) = ((place as usize).min(WALL_HEIGHTS - 2), place.fract());
         let share = if place as usize > h { 1.0 } else { share };
-        match column[h].is_finite() {
-            true => column[h] + share * (column[h + 1] - column[h]),
-            false => f32::INFINITY,
+        if column[h].is_finite() {
+            column[h] + share * (column[h + 1] - column[h])
+        } else {
+            f32::INFINITY
         }
     }
 }

@@ -69,9 +69,12 @@ impl Windows {
 /// Weight of frame `t` in a window. It rises and falls over the overlap and is 1 at the clip's own
 /// ends.
 fn ramp(t: usize, rows: &Range<usize>, frames: usize, overlap: usize) -> f32 {
-    let side = |inner: usize, at_end: bool| match at_end {
-        true => 1.0,
-        false => ((inner + 1) as f32 / (overlap + 1) as f32).min(1.0),
+    let side = |inner: usize, at_end: bool| {
+        if at_end {
+            1.0
+        } else {
+            ((inner + 1) as f32 / (overlap + 1) as f32).min(1.0)
+        }
     };
     let left = side(t - rows.start, rows.start == 0);
     left.min(side(rows.end - 1 - t, rows.end == frames))

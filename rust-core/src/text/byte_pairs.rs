@@ -138,11 +138,10 @@ fn words(text: &str) -> impl Iterator<Item = &str> {
 /// Latin-1.
 fn letter(byte: u8) -> char {
     let is_visible = |byte: u8| matches!(byte, b'!'..=b'~' | 0xa1..=0xac | 0xae..=0xff);
-    match is_visible(byte) {
-        true => char::from(byte),
-        false => {
-            let before = (0..byte).filter(|byte| !is_visible(*byte)).count();
-            char::from_u32(256 + before as u32).expect("a letter of Latin Extended-A")
-        }
+    if is_visible(byte) {
+        char::from(byte)
+    } else {
+        let before = (0..byte).filter(|byte| !is_visible(*byte)).count();
+        char::from_u32(256 + before as u32).expect("a letter of Latin Extended-A")
     }
 }

@@ -213,12 +213,13 @@ impl TextUnits {
         let side = side_of(rest.side).unwrap_or_default();
         let [low, high] = self.strength;
         let strength = clause.amount.clamp(low, high);
-        let known = known
-            .into_iter()
-            .map(|unit| match ACTION_UNITS[unit].has_sides() {
-                true => (unit, side, strength, 1.0),
-                false => (unit, Side::Both, strength, 1.0),
-            });
+        let known = known.into_iter().map(|unit| {
+            if ACTION_UNITS[unit].has_sides() {
+                (unit, side, strength, 1.0)
+            } else {
+                (unit, Side::Both, strength, 1.0)
+            }
+        });
         let mut units = self.learned_units_of(&rest);
         units.retain(|unit| known.clone().all(|known| known.0 != unit.0));
         units.extend(known);
@@ -237,9 +238,10 @@ impl TextUnits {
             .map(|unit| {
                 let one_sided = shares[[1, unit]] > THRESHOLD;
                 let learned_side = if one_sided { Side::Left } else { Side::Both };
-                let side = match ACTION_UNITS[unit].has_sides() {
-                    true => side_of(clause.side).unwrap_or(learned_side),
-                    false => Side::Both,
+                let side = if ACTION_UNITS[unit].has_sides() {
+                    side_of(clause.side).unwrap_or(learned_side)
+                } else {
+                    Side::Both
                 };
                 let strength = (self.full * shares[[2, unit]] * clause.amount).clamp(low, high);
                 (unit, side, strength, shares[[0, unit]])

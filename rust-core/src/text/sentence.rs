@@ -94,9 +94,10 @@ impl Rules {
         let mut parsed = vec![Clause::new()];
         let mut denies = false;
         for token in tokens(text) {
-            let role = match token.starts_with(is_letter) {
-                true => self.roles.get(&token).copied(),
-                false => Some(Role::Break),
+            let role = if token.starts_with(is_letter) {
+                self.roles.get(&token).copied()
+            } else {
+                Some(Role::Break)
             };
             match role {
                 Some(Role::Break) => {

@@ -18,9 +18,10 @@ fn copy() -> tempfile::TempDir {
         for entry in fs::read_dir(from).unwrap() {
             let entry = entry.unwrap();
             let to = to.join(entry.file_name());
-            match entry.path().is_dir() {
-                true => copy_folder(&entry.path(), &to),
-                false => drop(fs::copy(entry.path(), to).unwrap()),
+            if entry.path().is_dir() {
+                copy_folder(&entry.path(), &to)
+            } else {
+                fs::copy(entry.path(), to).unwrap();
             }
         }
     }
@@ -32,9 +33,10 @@ fn copy() -> tempfile::TempDir {
 
 /// The first file of a folder, or the file itself.
 fn first_file(path: PathBuf) -> PathBuf {
-    match path.is_dir() {
-        true => first_file(fs::read_dir(path).unwrap().next().unwrap().unwrap().path()),
-        false => path,
+    if path.is_dir() {
+        first_file(fs::read_dir(path).unwrap().next().unwrap().unwrap().path())
+    } else {
+        path
     }
 }
 

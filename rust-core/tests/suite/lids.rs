@@ -268,9 +268,10 @@ fn lids_close_by_the_share_that_is_asked_for() {
     let shares = [0.35f32, 0.5, 0.75];
     let displacements = Array3::from_shape_fn((shares.len(), 68, 3), |(t, n, i)| {
         let both = ["eyeBlink_L", "eyeBlink_R"].map(|name| modes.mode(name).unwrap()[[n, i]]);
-        match (36..48).contains(&n) {
-            true => shares[t] * (both[0] + both[1]),
-            false => 0.0,
+        if (36..48).contains(&n) {
+            shares[t] * (both[0] + both[1])
+        } else {
+            0.0
         }
     });
     let (frames, rest) = sights(

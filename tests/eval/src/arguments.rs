@@ -52,9 +52,10 @@ impl SharedArgs {
             system: system.map(str::to_owned),
             models: self.weights.clone(),
             speech: self.speech.clone(),
-            cache: match self.no_cache {
-                true => CachePolicy::Off,
-                false => CachePolicy::UserFolder,
+            cache: if self.no_cache {
+                CachePolicy::Off
+            } else {
+                CachePolicy::UserFolder
             },
             threads: self.threads,
             emotion_model: None,

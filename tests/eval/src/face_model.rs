@@ -62,9 +62,10 @@ impl FaceModel {
             identities: Array3::zeros((0, 0, 3)),
         };
         face.expressions = face.modes(file, modes)?;
-        match face.expressions.len_of(Axis(0)) == face.names.len() {
-            true => Ok(face),
-            false => Err(file.bad("expected one expression mode per name")),
+        if face.expressions.len_of(Axis(0)) == face.names.len() {
+            Ok(face)
+        } else {
+            Err(file.bad("expected one expression mode per name"))
         }
     }
 
@@ -134,11 +135,12 @@ impl FaceModel {
         for mode in &modes {
             frame.scaled_add(weight, mode);
         }
-        match modes.is_empty() {
-            true => Err(Error::InvalidInput(format!(
+        if modes.is_empty() {
+            Err(Error::InvalidInput(format!(
                 "the face has no expression mode {channel}"
-            ))),
-            false => Ok(()),
+            )))
+        } else {
+            Ok(())
         }
     }
 

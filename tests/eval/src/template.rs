@@ -142,11 +142,12 @@ fn vertices_of(template: &TemplateMesh, mean: &Face) -> Result<Vec<usize>> {
         let (v, far) = far
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .unwrap_or((0, f32::INFINITY));
-        match far < SAME_M {
-            true => Ok(v),
-            false => Err(Error::InvalidInput(format!(
+        if far < SAME_M {
+            Ok(v)
+        } else {
+            Err(Error::InvalidInput(format!(
                 "template: expected ICT's vertices, got one {far} m from all"
-            ))),
+            )))
         }
     };
     template.mesh.positions.iter().map(nearest).collect()

@@ -131,13 +131,14 @@ impl Turned {
                 Err(other) => return Err(other),
                 Ok(landmarks) => {
                     let (turned_deg, aside) = apart(&truth, &landmarks, &turn)?;
-                    match turned_deg > MOST_TURNED_DEG || aside > MOST_ASIDE {
-                        false => row.right += 1,
-                        true => row.wrong.push(Wrong {
+                    if turned_deg > MOST_TURNED_DEG || aside > MOST_ASIDE {
+                        row.wrong.push(Wrong {
                             rotation,
                             turned_deg,
                             aside,
-                        }),
+                        })
+                    } else {
+                        row.right += 1
                     }
                 }
             }

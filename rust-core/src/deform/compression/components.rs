@@ -57,9 +57,10 @@ impl Components {
     ) -> Result<Components> {
         let frames = flat.nrows();
         let roots: Vec<f32> = importance.frames.iter().map(|a| a.sqrt()).collect();
-        let range = match frames > width {
-            true => range_of_frames(flat, importance, &roots, width, near),
-            false => Array2::eye(frames),
+        let range = if frames > width {
+            range_of_frames(flat, importance, &roots, width, near)
+        } else {
+            Array2::eye(frames)
         };
         let projected = transposed_product(flat, &scaled(&range, &roots));
         let rotation = principal_axes(&projected, &importance.vertices)?;

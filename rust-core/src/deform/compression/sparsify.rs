@@ -56,9 +56,10 @@ pub(super) fn sparsify(
             weights.row_mut(t).assign(&full.row(t));
         }
         let mut vertices = rows.vertices;
-        match look + 1 < LOOKS {
-            true => vertices.extend(frames.iter().map(|&t| farthest[t].1)),
-            false => vertices = (0..shapes.nrows() / 3).collect(),
+        if look + 1 < LOOKS {
+            vertices.extend(frames.iter().map(|&t| farthest[t].1))
+        } else {
+            vertices = (0..shapes.nrows() / 3).collect()
         }
         vertices.sort_unstable();
         vertices.dedup();

@@ -158,16 +158,18 @@ impl Neutral<'_> {
             };
             let p = self.opening.frame.local(self.surface.positions[v]);
             let part = self.parts.of_vertex[v] as usize;
-            let lash = match self.surface.skin.is_skin[v] {
-                true => None,
-                false => lashes.get(part).copied().flatten(),
+            let lash = if self.surface.skin.is_skin[v] {
+                None
+            } else {
+                lashes.get(part).copied().flatten()
             };
             let (lid, place, share) = match lash {
                 Some(lid) => (lid, self.on_edge(lid, p[0]), 1.0),
                 None => {
-                    let lid = match self.opening.is_between(place) {
-                        true => BETWEEN_LIDS,
-                        false => self.lid_of(place),
+                    let lid = if self.opening.is_between(place) {
+                        BETWEEN_LIDS
+                    } else {
+                        self.lid_of(place)
                     };
                     (lid, place, whole.min(1.0) * self.share(lid, place))
                 }

@@ -265,18 +265,20 @@ impl Eyelids {
             pairs.iter().map(closing).sum::<f32>() / whole.max(1e-6)
         };
         let shares = self.eyes.iter().map(share);
-        let of_all = match self.larger {
-            true => shares.reduce(f32::max),
-            false => shares.reduce(f32::min),
+        let of_all = if self.larger {
+            shares.reduce(f32::max)
+        } else {
+            shares.reduce(f32::min)
         };
         of_all.unwrap_or(0.0).min(1.0)
     }
 
     /// The share of the correction at a place along the edge, in samples: less near the corners.
     fn off_corners(&self, at: f32) -> f32 {
-        let from_corner = match self.alone {
-            true => FROM_CORNER_ALONE,
-            false => FROM_CORNER,
+        let from_corner = if self.alone {
+            FROM_CORNER_ALONE
+        } else {
+            FROM_CORNER
         };
         off_corners(at, from_corner)
     }
@@ -289,9 +291,10 @@ impl Eyelids {
     }
 
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
-        let (closed, hold) = match self.alone {
-            true => (closed.max(-MOST_WIDE), 1.0),
-            false => (closed, ease(closed / EXACT_FROM)),
+        let (closed, hold) = if self.alone {
+            (closed.max(-MOST_WIDE), 1.0)
+        } else {
+            (closed, ease(closed / EXACT_FROM))
         };
         let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
         let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {

@@ -233,9 +233,10 @@ impl Opening {
                 width,
                 edges,
                 heights: [0.0; 2],
-                lids: match visible.is_none() || mean_height(&edges) < LEAST_OPEN * width {
-                    true => Lids::Shut,
-                    false => Lids::Close,
+                lids: if visible.is_none() || mean_height(&edges) < LEAST_OPEN * width {
+                    Lids::Shut
+                } else {
+                    Lids::Close
                 },
             });
         }

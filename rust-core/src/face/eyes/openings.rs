@@ -132,14 +132,16 @@ impl Openings {
         });
         let more = self.more.iter().map(|opening| LidDrive {
             opening,
-            eyes: match closing.is_empty() {
-                true => canonical.to_vec(),
-                false => closing.clone(),
+            eyes: if closing.is_empty() {
+                canonical.to_vec()
+            } else {
+                closing.clone()
             },
             larger: closing.is_empty(),
-            silent: match self.is_one {
-                true => EYES[0].lids.start..EYES[1].lids.end,
-                false => 0..0,
+            silent: if self.is_one {
+                EYES[0].lids.start..EYES[1].lids.end
+            } else {
+                0..0
             },
             is_alone: true,
         });
@@ -169,12 +171,11 @@ impl Openings {
     /// A whole blink moves the lids by the height of these openings. Where the lids cannot close,
     /// the brow goes down instead. A face with one eye in the middle has one brow.
     pub(crate) fn to_face(&self, moved: &mut Array3<f32>) {
-        match self.is_one {
-            true => moved.outer_iter_mut().for_each(join_brows),
-            false => {
-                self.squint(moved);
-                self.travel(moved, |height| height / CANONICAL_WAY_CM);
-            }
+        if self.is_one {
+            moved.outer_iter_mut().for_each(join_brows)
+        } else {
+            self.squint(moved);
+            self.travel(moved, |height| height / CANONICAL_WAY_CM);
         }
     }
 

@@ -96,9 +96,10 @@ impl Socket<'_> {
     /// Moves a place back where it does not lie at least `behind` widths behind the skin.
     fn under_skin(&self, p: Vec3, behind: f32) -> Vec3 {
         let skin = depth(self.skin, p.truncate());
-        match skin.is_finite() {
-            true => p.truncate().extend(p.z.min(skin - behind * self.width)),
-            false => p,
+        if skin.is_finite() {
+            p.truncate().extend(p.z.min(skin - behind * self.width))
+        } else {
+            p
         }
     }
 
@@ -129,9 +130,10 @@ impl Socket<'_> {
     ) {
         for (i, place) in self.line.iter().enumerate() {
             let j = (i + 1) % row.len();
-            let faces = match is_ball {
-                false => [[row[i], row[j], next[j]], [row[i], next[j], next[i]]],
-                true => [[row[j], row[i], next[i]], [row[j], next[i], next[j]]],
+            let faces = if is_ball {
+                [[row[j], row[i], next[i]], [row[j], next[i], next[j]]]
+            } else {
+                [[row[i], row[j], next[j]], [row[i], next[j], next[i]]]
             };
             behind.triangles.extend(faces);
             behind.sources.extend([source(place); 2]);

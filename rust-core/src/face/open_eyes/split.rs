@@ -231,9 +231,10 @@ impl Cut {
                     let between = |p: [f32; 3], q: [f32; 3], t: f32| -> [f32; 3] {
                         std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
                     };
-                    fine.mesh.positions.push(match is_turned {
-                        false => between(p, q, to_next),
-                        true => between(q, p, b / (b - a)),
+                    fine.mesh.positions.push(if is_turned {
+                        between(q, p, b / (b - a))
+                    } else {
+                        between(p, q, to_next)
                     });
                     let ends = [(v, 1.0 - to_next), (w, to_next), (v, 0.0)];
                     fine.vertex_sources.push(mixed(&fine.vertex_sources, ends));

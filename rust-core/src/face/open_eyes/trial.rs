@@ -72,9 +72,10 @@ impl EyeTrial {
                 let kind = if face.parts.is(t[0] as usize, PartRole::Gaze) {
                     BALL
                 } else if face.parts.is(t[0] as usize, PartRole::Skin) {
-                    match across(before) * across(now) < 0.0 {
-                        true => TURNED,
-                        false => SKIN,
+                    if across(before) * across(now) < 0.0 {
+                        TURNED
+                    } else {
+                        SKIN
                     }
                 } else {
                     continue;

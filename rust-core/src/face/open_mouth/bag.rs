@@ -267,9 +267,10 @@ fn strip(faces: &mut Vec<[u32; 3]>, a: &[u32], b: &[u32]) {
     let columns = a.len() - 1;
     for i in 0..columns {
         let [p, q, r, s] = [a[i], a[i + 1], b[i + 1], b[i]];
-        let halves = match 2 * i < columns {
-            true => [[p, q, r], [p, r, s]],
-            false => [[p, q, s], [q, r, s]],
+        let halves = if 2 * i < columns {
+            [[p, q, r], [p, r, s]]
+        } else {
+            [[p, q, s], [q, r, s]]
         };
         let is_proper = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         faces.extend(halves.into_iter().filter(is_proper));

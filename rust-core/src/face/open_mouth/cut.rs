@@ -357,9 +357,10 @@ fn triangles_of(rim: &[Corner], first_place: u32, positions: &[[f32; 3]]) -> Vec
                 DVec3::from(p).distance(q.into())
             };
             let mut out = vec![[n1, c, n2]];
-            match away(&n2, &e) < away(&d, &n1) {
-                true => out.extend([[n2, d, e], [n2, e, n1]]),
-                false => out.extend([[n2, d, n1], [d, e, n1]]),
+            if away(&n2, &e) < away(&d, &n1) {
+                out.extend([[n2, d, e], [n2, e, n1]])
+            } else {
+                out.extend([[n2, d, n1], [d, e, n1]])
             }
             out
         }
@@ -423,10 +424,7 @@ impl Banks {
         };
         let beside = line.pieces_beside(in_patch, &above);
         let is_inside_out = beside.height < 0.0;
-        let [with, against] = match is_inside_out {
-            false => [0, 1],
-            true => [1, 0],
-        };
+        let [with, against] = if is_inside_out { [1, 0] } else { [0, 1] };
         Ok(Banks {
             upper: line.bank(&beside, with)?,
             lower: line.bank(&beside, against)?,

@@ -178,9 +178,10 @@ fn landmarks_on_lips(
         let x = 0.5 * (here.x + 1.0 - mirrored.x);
         let lip = |p: DVec3| side * (p.y - seam.height(p.x));
         let mean = 0.5 * (lip(here) + lip(mirrored));
-        let height = match CORNERS.contains(&n) {
-            true => mean,
-            false => mean.max(LEAST_LIP * (4.0 * x * (1.0 - x)).clamp(0.0, 1.0).sqrt()),
+        let height = if CORNERS.contains(&n) {
+            mean
+        } else {
+            mean.max(LEAST_LIP * (4.0 * x * (1.0 - x)).clamp(0.0, 1.0).sqrt())
         };
         let target = DVec2::new(x, seam.height(x) + side * height);
         if let Some((place, vertex)) = fronts.place(target) {

@@ -49,9 +49,10 @@ impl MouthFrame {
         let up = to_canonical.inverse().rotate([0.0, 1.0, 0.0]);
         let of_head = upright(Vec3::from(up).as_dvec3());
         let of_lips = upright(middle([50, 51, 52]) - middle([56, 57, 58]));
-        let up = match of_head.dot(of_lips) > 0.3 {
-            true => upright(of_head + of_lips),
-            false => of_head,
+        let up = if of_head.dot(of_lips) > 0.3 {
+            upright(of_head + of_lips)
+        } else {
+            of_head
         };
         Ok(MouthFrame {
             start,

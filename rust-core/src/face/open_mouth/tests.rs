@@ -135,9 +135,10 @@ impl Mask {
         let number = |c: usize, r: usize| (r * self.columns + c) as u32;
         for (r, c) in (0..self.rows - 1).flat_map(|r| (0..self.columns - 1).map(move |c| (r, c))) {
             let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| number(c + i, r + j));
-            mesh.triangles.extend(match 2 * c < self.columns - 1 {
-                true => [[p, q, s], [p, s, t]],
-                false => [[p, q, t], [q, s, t]],
+            mesh.triangles.extend(if 2 * c < self.columns - 1 {
+                [[p, q, s], [p, s, t]]
+            } else {
+                [[p, q, t], [q, s, t]]
             });
         }
         let back = mesh.positions.len() as u32;
@@ -280,9 +281,12 @@ fn bearded_wavy_and_slightly_open_lips_are_parted() {
     let (mesh, opened) = Mask::new(140, 160).moved(waves).opened();
     check(&mesh, &opened);
     // The strip between the lips is 4 mm high and lies 4 mm behind them.
-    let ajar = |[x, y]: [f32; 2]| match x.abs() < 0.02 && y.abs() < 0.002 {
-        true => -0.004,
-        false => 0.0,
+    let ajar = |[x, y]: [f32; 2]| {
+        if x.abs() < 0.02 && y.abs() < 0.002 {
+            -0.004
+        } else {
+            0.0
+        }
     };
     let (mesh, opened) = Mask::new(140, 160).moved(ajar).opened();
     check(&mesh, &opened);
@@ -290,13 +294,19 @@ fn bearded_wavy_and_slightly_open_lips_are_parted() {
 
 #[test]
 fn the_slit_follows_a_groove_that_the_landmarks_miss() {
-    let groove = |[x, y]: [f32; 2]| match x.abs() < 0.022 {
-        true => -0.004 * (-((y - 0.002) / 0.0015).powi(2)).exp(),
-        false => 0.0,
+    let groove = |[x, y]: [f32; 2]| {
+        if x.abs() < 0.022 {
+            -0.004 * (-((y - 0.002) / 0.0015).powi(2)).exp()
+        } else {
+            0.0
+        }
     };
-    let flat = Mask::new(160, 200).moved(|[x, y]| match x.abs() < 0.03 && y.abs() < 0.008 {
-        true => 0.0,
-        false => -0.0005,
+    let flat = Mask::new(160, 200).moved(|[x, y]| {
+        if x.abs() < 0.03 && y.abs() < 0.008 {
+            0.0
+        } else {
+            -0.0005
+        }
     });
     let middle = flat.landmarks[62];
     let (_, opened) = flat.moved(groove).opened();
@@ -564,9 +574,10 @@ fn an_engine_refuses_a_mouth_that_opens_crookedly_and_opens_a_good_one() {
     let crooked = Mask::new(200, 240).moved(|[x, y]| {
         let ramp = |x: f32| (x / 0.006).clamp(0.0, 1.0);
         let seam = 0.005 * ramp(x) * (1.0 - ramp(x - 0.018));
-        match x.abs() < 0.024 {
-            true => -0.008 * (-((y - seam) / 0.0015).powi(2)).exp(),
-            false => 0.0,
+        if x.abs() < 0.024 {
+            -0.008 * (-((y - seam) / 0.0015).powi(2)).exp()
+        } else {
+            0.0
         }
     });
     let refused = engine.open_mouth(&face(&crooked), SILENT).err();

@@ -156,9 +156,10 @@ impl FineMesh {
                     .find(|&i| is_middle(i) && is_middle(i + 2))
                     .unwrap_or(0);
                 let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| at(m + i));
-                let rest = match away(a.0, d.0) < away(c.0, e.0) {
-                    true => [[a, c, d], [a, d, e]],
-                    false => [[a, c, e], [c, d, e]],
+                let rest = if away(a.0, d.0) < away(c.0, e.0) {
+                    [[a, c, d], [a, d, e]]
+                } else {
+                    [[a, c, e], [c, d, e]]
                 };
                 vec![[a, b, c], rest[0], rest[1]]
             }

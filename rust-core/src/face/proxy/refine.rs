@@ -232,9 +232,10 @@ fn split(t: [u32; 3], middles: [Option<u32>; 3], positions: &[DVec3], out: &mut 
             [Some(m), None, None] => return out.extend([[a, m, c], [m, b, c]]),
             [Some(m), Some(n), None] => {
                 // Cut the remaining four corners along the shorter diagonal.
-                let rest = match length(a, n) < length(m, c) {
-                    true => [[a, m, n], [a, n, c]],
-                    false => [[a, m, c], [m, n, c]],
+                let rest = if length(a, n) < length(m, c) {
+                    [[a, m, n], [a, n, c]]
+                } else {
+                    [[a, m, c], [m, n, c]]
                 };
                 out.push([m, b, n]);
                 return out.extend(rest);

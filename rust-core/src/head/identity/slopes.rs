@@ -131,9 +131,10 @@ impl IdentitySlopes {
         let slopes = network.slopes(&field.locals[number], &part.trace, &pulls);
         let (global, codes) = (config.global_code, config.identity_code());
         let anchors = field.anchors.len();
-        let scale = match number < anchors {
-            true => config.sigma.recip(),
-            false => config.background.sqrt().recip(),
+        let scale = if number < anchors {
+            config.sigma.recip()
+        } else {
+            config.background.sqrt().recip()
         };
         let of_network = slopes.code.chunks_exact(global + config.local_code);
         let rows = part.rows.iter().zip(slopes.inputs.as_chunks::<3>().0);
@@ -272,9 +273,12 @@ impl Blend {
             let (shares, weights) = (&self.shares[range.clone()], &self.weights[range.clone()]);
             let of_weights = &of_weights[range];
             let mean: f32 = weights.iter().zip(of_weights).map(|(w, d)| w * d).sum();
-            let of_share = |n: usize| match weights[n] > 0.0 {
-                true => (of_weights[n] - mean) / self.sums[row],
-                false => 0.0,
+            let of_share = |n: usize| {
+                if weights[n] > 0.0 {
+                    (of_weights[n] - mean) / self.sums[row]
+                } else {
+                    0.0
+                }
             };
             let all: f32 = (0..columns).map(|n| shares[n] * of_share(n)).sum();
             for (n, anchor) in field.anchors.iter().enumerate() {

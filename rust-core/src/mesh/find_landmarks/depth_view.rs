@@ -102,13 +102,14 @@ impl DepthBuffer {
         let margin = 0.5 + EDGE + SLACK * (high(0) - low(0)).max(high(1) - low(1));
         for row in rows {
             let y = row as f32 + 0.5;
-            let columns = match is_wide {
-                true => within(
+            let columns = if is_wide {
+                within(
                     &columns,
                     across([a, b, c], [y - margin, y + margin]),
                     margin,
-                ),
-                false => columns.clone(),
+                )
+            } else {
+                columns.clone()
             };
             self.places += columns.len() as u64;
             for column in columns {
@@ -201,9 +202,10 @@ impl DepthBuffer {
     }
 
     fn at(&self, row: usize, column: usize) -> f32 {
-        match row < BUFFER && column < BUFFER {
-            true => self.z[row * BUFFER + column],
-            false => NOTHING,
+        if row < BUFFER && column < BUFFER {
+            self.z[row * BUFFER + column]
+        } else {
+            NOTHING
         }
     }
 }

@@ -480,12 +480,13 @@ fn places_of(mesh: &Mesh, fixed: &[FixedLandmark]) -> Result<Vec<(usize, [f32; 3
         .iter()
         .map(|landmark| {
             let place = landmark.position_on(mesh)?;
-            match std::mem::replace(&mut is_fixed[landmark.index], true) {
-                true => Err(Error::InvalidInput(format!(
+            if std::mem::replace(&mut is_fixed[landmark.index], true) {
+                Err(Error::InvalidInput(format!(
                     "fixed landmarks: index {} appears twice",
                     landmark.index
-                ))),
-                false => Ok((landmark.index, place)),
+                )))
+            } else {
+                Ok((landmark.index, place))
             }
         })
         .collect()

@@ -67,9 +67,10 @@ impl ShapePrior {
                 .chunks_exact(COORDINATES)
                 .map(|mode| f64::from(mode[i]) * f64::from(mode[j]))
                 .sum();
-            match i % 3 == j % 3 {
-                true => shared + local(i / 3, j / 3),
-                false => shared,
+            if i % 3 == j % 3 {
+                shared + local(i / 3, j / 3)
+            } else {
+                shared
             }
         });
         Ok(ShapePrior { covariance })
@@ -96,9 +97,10 @@ impl ShapePrior {
         }
         let confidence = std::array::from_fn(|i| {
             let odd = (solved.surprise[i] / ODD_M).powi(2);
-            match measured[i].fixed {
-                true => 1.0,
-                false => measured[i].confidence / (1.0 + odd) as f32,
+            if measured[i].fixed {
+                1.0
+            } else {
+                measured[i].confidence / (1.0 + odd) as f32
             }
         });
         Ok((solved.positions, confidence))
@@ -139,9 +141,10 @@ struct Solved {
 }
 
 fn deviation(measured: &Measured) -> f64 {
-    match measured.fixed {
-        true => FIXED_M,
-        false => SURE_M / f64::from(measured.confidence.max(0.02)),
+    if measured.fixed {
+        FIXED_M
+    } else {
+        SURE_M / f64::from(measured.confidence.max(0.02))
     }
 }
 

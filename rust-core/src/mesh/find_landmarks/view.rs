@@ -63,14 +63,16 @@ impl Frame<'_> {
     pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
         let sharp = DepthBuffer::draw(points, &self.triangles, window);
         // A picture that was cut short uses up the whole budget, so that the search ends.
-        let places = match sharp.places > depth_view::MOST_PLACES {
-            true => MOST_PLACES,
-            false => sharp.places,
+        let places = if sharp.places > depth_view::MOST_PLACES {
+            MOST_PLACES
+        } else {
+            sharp.places
         };
         self.places.fetch_add(places, Ordering::Relaxed);
-        match self.softness > 0.0 {
-            true => sharp.softened(self.softness),
-            false => sharp,
+        if self.softness > 0.0 {
+            sharp.softened(self.softness)
+        } else {
+            sharp
         }
     }
 

@@ -53,9 +53,10 @@ impl Component {
             Component::U32 => (self.index(bytes) as f32, u32::MAX as f32),
             Component::F32 => (f32::from_bits(self.index(bytes)), 1.0),
         };
-        match normalized && self != Component::F32 {
-            true => (value / most).max(-1.0),
-            false => value,
+        if normalized && self != Component::F32 {
+            (value / most).max(-1.0)
+        } else {
+            value
         }
     }
 
@@ -118,12 +119,13 @@ impl<'a> Data<'a> {
     /// Number of elements of an accessor. Refuses more elements than the buffers have bytes.
     pub(super) fn count(&self, number: usize) -> Result<usize> {
         let count = self.accessor(number)?.count;
-        match count <= self.total {
-            true => Ok(count),
-            false => Err(refusal(format!(
+        if count <= self.total {
+            Ok(count)
+        } else {
+            Err(refusal(format!(
                 "expected data of {count} elements, got {} bytes",
                 self.total
-            ))),
+            )))
         }
     }
 

@@ -151,9 +151,10 @@ impl Reading<'_> {
     fn scene(&mut self) -> Result<()> {
         let document = self.data.document;
         let Some(scene) = document.scenes.get(document.scene) else {
-            return match document.scenes.is_empty() {
-                true => Ok(()),
-                false => Err(missing("scene", document.scene, document.scenes.len())),
+            return if document.scenes.is_empty() {
+                Ok(())
+            } else {
+                Err(missing("scene", document.scene, document.scenes.len()))
             };
         };
         let count = document.nodes.len();

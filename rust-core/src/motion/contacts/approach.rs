@@ -81,9 +81,12 @@ pub fn restore_contacts(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> 
         *path = path.min(before.max(widest as f32));
     }
     slow(&mut path, (FASTEST_OF_ALL_M_S / fps) as f32);
-    let share = |(opening, path): (&f32, f32)| match *opening > path {
-        true => 1.0 - path / opening,
-        false => 0.0,
+    let share = |(opening, path): (&f32, f32)| {
+        if *opening > path {
+            1.0 - path / opening
+        } else {
+            0.0
+        }
     };
     openings.iter().zip(path).map(share).collect()
 }
@@ -121,17 +124,15 @@ fn bend(opening: f32, widest: f64) -> f32 {
     }
     let ratio = f64::from(opening) / widest;
     let share = 1.0 - (1.0 + ratio.powi(SHARPNESS)).powf(-1.0 / f64::from(SHARPNESS)) as f32;
-    match share < LEAST {
-        true => 0.0,
-        false => share,
-    }
+    if share < LEAST { 0.0 } else { share }
 }
 
 /// How far lips can part within a time after touching, metres.
 fn reach_m(time_s: f64) -> f64 {
-    match time_s < SPEED_UP_S {
-        true => FASTEST_M_S * time_s * time_s / (2.0 * SPEED_UP_S),
-        false => FASTEST_M_S * (time_s - 0.5 * SPEED_UP_S),
+    if time_s < SPEED_UP_S {
+        FASTEST_M_S * time_s * time_s / (2.0 * SPEED_UP_S)
+    } else {
+        FASTEST_M_S * (time_s - 0.5 * SPEED_UP_S)
     }
 }
 
@@ -193,13 +194,11 @@ impl Parting {
         let reached = last.map_or(f64::INFINITY, |(time_s, left)| left + reach_m(time_s));
         let opening = f64::from(opening);
         let left = opening.min(reached) * f64::from(1.0 - share);
-        self.last = match share > 0.0 {
-            true => Some((0.0, left)),
-            false => last,
-        };
-        match opening > 0.0 {
-            true => (1.0 - left / opening) as f32,
-            false => 0.0,
+        self.last = if share > 0.0 { Some((0.0, left)) } else { last };
+        if opening > 0.0 {
+            (1.0 - left / opening) as f32
+        } else {
+            0.0
         }
     }
 }

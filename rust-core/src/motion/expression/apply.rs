@@ -133,8 +133,9 @@ fn is_shown(strengths: &Strengths) -> bool {
 /// Bends a closure of the lids (1: they meet) so that it never exceeds [`LIDS_MOST`].
 fn bent(closure: f32) -> f32 {
     let room = LIDS_MOST - LIDS_LINEAR;
-    match closure > LIDS_LINEAR {
-        true => LIDS_LINEAR + room * ((closure - LIDS_LINEAR) / room).tanh(),
-        false => closure,
+    if closure > LIDS_LINEAR {
+        LIDS_LINEAR + room * ((closure - LIDS_LINEAR) / room).tanh()
+    } else {
+        closure
     }
 }

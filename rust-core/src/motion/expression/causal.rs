@@ -98,9 +98,10 @@ impl CausalExpression {
         let (slur, release) = (keep(SLUR_S), keep(RELEASE_S));
         let smooth = self.smooth.get_or_insert_with(|| frame.to_owned());
         smooth.zip_mut_with(frame, |slow, now| *slow = now + slur * (*slow - now));
-        let step = match quiet_s < REST_AFTER_S {
-            true => WAKE_PER_S,
-            false => -REST_PER_S,
+        let step = if quiet_s < REST_AFTER_S {
+            WAKE_PER_S
+        } else {
+            -REST_PER_S
         };
         self.speaking = (self.speaking + step / self.fps as f32).clamp(0.0, 1.0);
         let closed = self.speaking * lips::closed_lips(frame.view());

@@ -128,9 +128,10 @@ impl Level {
     }
 
     fn go_on(&mut self) {
-        let (stay, way, next) = match self.is_apex {
-            true => (APEX_S, SINK_S, LULL),
-            false => (LULL_S, RISE_S, APEX),
+        let (stay, way, next) = if self.is_apex {
+            (APEX_S, SINK_S, LULL)
+        } else {
+            (LULL_S, RISE_S, APEX)
         };
         self.leave_s += self.way_s + self.chance.between(stay.0, stay.1);
         self.way_s = self.chance.between(way.0, way.1);

@@ -50,11 +50,12 @@ impl Expressions {
         let manner = |emotion: &&str| {
             let manner = config.emotions.get(*emotion).copied();
             let manner = manner.ok_or_else(|| wrong(format!("expected {emotion}, got none")))?;
-            match manner.onset_s > 0.0 && config.offset_over_onset > 0.0 {
-                true => Ok(manner),
-                false => Err(wrong(format!(
+            if manner.onset_s > 0.0 && config.offset_over_onset > 0.0 {
+                Ok(manner)
+            } else {
+                Err(wrong(format!(
                     "{emotion}: expected times above 0, got {manner:?}"
-                ))),
+                )))
             }
         };
         let weights = Weights::from_bytes(&files.weights)?;

@@ -134,9 +134,12 @@ impl LipGaps {
                 .any(|gap| gap.abs() > STILL_M);
             moves && (weights[*s] > 0.0 || Some(*s) == self.close)
         };
-        let most = |s: usize| match Some(s) == self.close {
-            true => 1.0,
-            false => weights[s].max(0.0),
+        let most = |s: usize| {
+            if Some(s) == self.close {
+                1.0
+            } else {
+                weights[s].max(0.0)
+            }
         };
         let all = (0..weights.len()).filter(parts);
         all.map(|s| (s, most(s))).collect()

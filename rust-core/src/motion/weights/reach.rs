@@ -30,9 +30,10 @@ impl Aim<'_> {
     /// How far a length that is `off_mm` from the goal misses it beyond the slack; both in
     /// millimetres.
     fn missed_mm(&self, off_mm: f32) -> f32 {
-        match off_mm <= 0.0 {
-            true => (off_mm + MM * self.slack).min(0.0),
-            false => off_mm,
+        if off_mm <= 0.0 {
+            (off_mm + MM * self.slack).min(0.0)
+        } else {
+            off_mm
         }
     }
 }

@@ -58,10 +58,7 @@ impl TwoWays {
 
     /// Moves the part by `by` metres. Lowers the shapes of the opposite direction first.
     fn add(&self, row: &mut ndarray::ArrayViewMut1<'_, f32>, by: f32) {
-        let [mine, other] = match by > 0.0 {
-            true => [0, 1],
-            false => [1, 0],
-        };
+        let [mine, other] = if by > 0.0 { [0, 1] } else { [1, 0] };
         let mut left = by.abs();
         let (columns, moved) = &self.ways[other];
         if *moved > 0.0 {

@@ -73,15 +73,14 @@ impl Buffer {
         count: usize,
         target: Option<u32>,
     ) -> (usize, u32) {
-        match count <= MOST_SHORT {
-            true => {
-                let short = values.map(|v| (v as u16).to_le_bytes());
-                (self.view(short, target), UNSIGNED_SHORT)
-            }
-            false => (
+        if count <= MOST_SHORT {
+            let short = values.map(|v| (v as u16).to_le_bytes());
+            (self.view(short, target), UNSIGNED_SHORT)
+        } else {
+            (
                 self.view(values.map(u32::to_le_bytes), target),
                 UNSIGNED_INT,
-            ),
+            )
         }
     }
 

@@ -87,9 +87,10 @@ enum NewBytes {
 impl NewBytes {
     fn of(document: &Value) -> NewBytes {
         let buffers = length(document, "buffers");
-        match buffers == 0 || document["buffers"][0].get("uri").is_none() {
-            true => NewBytes::BehindChunk,
-            false => NewBytes::InBuffer(buffers),
+        if buffers == 0 || document["buffers"][0].get("uri").is_none() {
+            NewBytes::BehindChunk
+        } else {
+            NewBytes::InBuffer(buffers)
         }
     }
 
@@ -267,9 +268,10 @@ fn add_targets(
 ) -> Vec<Value> {
     let column = |c: usize| DVec3::from_slice(&[0, 1, 2].map(|r| f64::from(part.placed[c][r])));
     let placed = DMat3::from_cols(column(0), column(1), column(2));
-    let back = match placed.determinant().abs() > 0.0 {
-        true => placed.inverse(),
-        false => DMat3::ZERO,
+    let back = if placed.determinant().abs() > 0.0 {
+        placed.inverse()
+    } else {
+        DMat3::ZERO
     };
     let mut added = Vec::new();
     for &k in shapes {

@@ -141,9 +141,10 @@ fn stand_on_bones(document: &mut Value, scene: &Scene<'_>, name: &str) -> Result
 fn placed(scene: &Scene<'_>, below: &Value) -> Result<Value> {
     let (to_mesh, to_head) = (hinges(scene)?, hinges(scene)?.inverse());
     let turn = upright(DMat3::from_cols_array_2d(&to_head.rotation).transpose());
-    let scale = match (SIZES.0..SIZES.1).contains(&to_mesh.scale) {
-        true => 1.0,
-        false => to_head.scale,
+    let scale = if (SIZES.0..SIZES.1).contains(&to_mesh.scale) {
+        1.0
+    } else {
+        to_head.scale
     };
     let origin = DVec3::from_array(to_mesh.translation);
     let rotation = DQuat::from_mat3(&turn);
@@ -169,8 +170,9 @@ fn upright(turn: DMat3) -> DMat3 {
         .to_cols_array()
         .map(|x| if x.abs() >= least { x.signum() } else { 0.0 });
     let snapped = DMat3::from_cols_array(&snapped);
-    match snapped.determinant() == 1.0 {
-        true => snapped,
-        false => turn,
+    if snapped.determinant() == 1.0 {
+        snapped
+    } else {
+        turn
     }
 }

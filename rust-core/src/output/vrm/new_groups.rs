@@ -72,8 +72,9 @@ fn object<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Value> {
     let inner = inner
         .entry(name)
         .or_insert_with(|| Value::Object(Map::new()));
-    match inner.is_object() {
-        true => Ok(inner),
-        false => Err(wrong()),
+    if inner.is_object() {
+        Ok(inner)
+    } else {
+        Err(wrong())
     }
 }

@@ -59,8 +59,9 @@ pub(super) fn add(
 fn is_same(group: &Value, new: &Value) -> bool {
     let preset = |of: &Value| of["presetName"].as_str().unwrap_or(OWN).to_lowercase();
     let name = |of: &Value| of["name"].as_str().unwrap_or_default().to_lowercase();
-    match preset(new) == OWN {
-        true => preset(group) == OWN && name(group) == name(new),
-        false => preset(group) == preset(new),
+    if preset(new) == OWN {
+        preset(group) == OWN && name(group) == name(new)
+    } else {
+        preset(group) == preset(new)
     }
 }

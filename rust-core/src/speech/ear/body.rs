@@ -60,12 +60,13 @@ impl EarConfig {
                 self.taps
             )));
         }
-        match self.width == width {
-            true => Ok(()),
-            false => Err(bad(format!(
+        if self.width == width {
+            Ok(())
+        } else {
+            Err(bad(format!(
                 "width: expected that of the trunk, {width}, got {}",
                 self.width
-            ))),
+            )))
         }
     }
 }

@@ -49,9 +49,10 @@ fn jaw(open_m: &[f32]) -> Motion {
     let lower = |n: usize| (4..13).contains(&n) || (55..60).contains(&n) || (65..68).contains(&n);
     Motion::Landmarks(LandmarkClip {
         displacements: Array3::from_shape_fn((open_m.len(), 68, 3), |(t, n, axis)| {
-            match axis == 1 && lower(n) {
-                true => -open_m[t],
-                false => 0.0,
+            if axis == 1 && lower(n) {
+                -open_m[t]
+            } else {
+                0.0
             }
         }),
         fps: 30.0,

@@ -131,9 +131,10 @@ impl Denoiser {
         };
         let by_film = self.config.coarse == CoarseWay::Film;
         let mean = condition.mean_axis(Axis(0)).expect("a frame at least");
-        let modulating = match by_film {
-            true => Array2::zeros(condition.dim()),
-            false => condition,
+        let modulating = if by_film {
+            Array2::zeros(condition.dim())
+        } else {
+            condition
         };
         Conditions {
             memory: self

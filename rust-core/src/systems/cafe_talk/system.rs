@@ -205,10 +205,7 @@ impl System for CafeTalk {
         let speech = heard.features(fps);
         let affect = request.emotion.sample(speech.nrows(), fps);
         let guidance = self.guidance(request);
-        let edge_s = match guidance.is_printed {
-            true => 0.0,
-            false => EDGE_S,
-        };
+        let edge_s = if guidance.is_printed { 0.0 } else { EDGE_S };
         let shapes = &config.channels;
         let events = EventTrack::of(&request.events, shapes, speech.nrows(), fps, edge_s);
         let plain_events = EventTrack::of(&[], shapes, speech.nrows(), fps, edge_s);

@@ -97,9 +97,10 @@ impl Following {
             *strength += self.share * (share * heard.intensity - *strength);
         }
         let level: f32 = self.strengths.iter().sum();
-        let mixture = match level > 0.0 {
-            true => self.strengths.map(|strength| strength / level),
-            false => Emotion::default().mixture,
+        let mixture = if level > 0.0 {
+            self.strengths.map(|strength| strength / level)
+        } else {
+            Emotion::default().mixture
         };
         Some((prototype(model, &mixture).ok()?, level))
     }
@@ -191,9 +192,10 @@ impl MotionStream for EmoFaceStream {
             return Ok(());
         }
         emotion.check_finite()?;
-        self.set = match emotion.intensity > 0.0 {
-            true => Some(prototype(&self.parts.model, &emotion.mixture)?),
-            false => None,
+        self.set = if emotion.intensity > 0.0 {
+            Some(prototype(&self.parts.model, &emotion.mixture)?)
+        } else {
+            None
         };
         self.emotion = *emotion;
         Ok(())

@@ -242,9 +242,10 @@ impl EmoFace {
     /// emotion, the emotion is added to the speech instead, as in FreeTalk.
     fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
         let shows_request = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
-        match shows_request && !self.branch_knows(&request.emotion) {
-            true => EmotionOrigin::Added,
-            false => EmotionOrigin::Learned,
+        if shows_request && !self.branch_knows(&request.emotion) {
+            EmotionOrigin::Added
+        } else {
+            EmotionOrigin::Learned
         }
     }
 

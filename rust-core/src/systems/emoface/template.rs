@@ -17,11 +17,14 @@ pub fn read_template(weights: &Weights, config: &EmoFaceConfig) -> Result<Option
     if triangles == 0 {
         return Ok(None);
     }
-    let corner = |x: f32| match (0.0..vertices as f32).contains(&x) {
-        true => Ok(x as u32),
-        false => Err(Error::Weights(format!(
-            "emoface: template: expected corners below {vertices}, got {x}"
-        ))),
+    let corner = |x: f32| {
+        if (0.0..vertices as f32).contains(&x) {
+            Ok(x as u32)
+        } else {
+            Err(Error::Weights(format!(
+                "emoface: template: expected corners below {vertices}, got {x}"
+            )))
+        }
     };
     let corners = weights.values("triangles", &[triangles, 3])?.into_iter();
     let corners = corners.map(corner).collect::<Result<Vec<u32>>>()?;

@@ -86,9 +86,10 @@ impl Denoiser {
                 .collect::<Result<_>>()?,
             norm: LayerNorm::load(&weights.pp("norm"), width, EPSILON)?,
             head: linear("head", width, codes)?,
-            direct: match config.direct {
-                true => Some(linear("direct", config.speech.channels, codes)?),
-                false => None,
+            direct: if config.direct {
+                Some(linear("direct", config.speech.channels, codes)?)
+            } else {
+                None
             },
             mean: weights.vector("mean", codes)?,
             std: weights.vector("std", codes)?,

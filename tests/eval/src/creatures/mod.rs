@@ -322,10 +322,7 @@ fn line(row: &Row) -> String {
         row.moving,
         row.grown,
         row.turned,
-        match row.talks {
-            true => "talks",
-            false => "does not talk",
-        }
+        if row.talks { "talks" } else { "does not talk" }
     );
     let sealed = row.sealed.iter().filter(|why| !why.is_empty());
     for said in sealed.chain(&row.limits) {

@@ -68,17 +68,18 @@ pub(super) fn of_landmarks(
     };
     // Sideways, the two corners of a smile would cancel out in a mean, so each landmark counts by
     // itself.
-    let (sum, length) = match less.is_empty() {
-        true => some.iter().fold((0.0, 0.0), |(sum, length), n| {
+    let (sum, length) = if less.is_empty() {
+        some.iter().fold((0.0, 0.0), |(sum, length), n| {
             (
                 sum + dot(moved(*n), requested_step(*n)),
                 length + dot(requested_step(*n), requested_step(*n)),
             )
-        }),
-        false => (
+        })
+    } else {
+        (
             dot(along(&moved), along(&requested_step)),
             dot(along(&requested_step), along(&requested_step)),
-        ),
+        )
     };
     sum / length.max(f32::MIN_POSITIVE)
 }

@@ -256,9 +256,10 @@ fn ball(p: Vec3, centre: [f32; 3], radius: f32) -> f32 {
 fn ellipsoid(p: Vec3, centre: [f32; 3], radii: [f32; 3]) -> f32 {
     let (p, r) = (p - Vec3::from(centre), Vec3::from(radii));
     let (a, b) = ((p / r).length(), (p / (r * r)).length());
-    match b > 1e-6 {
-        true => a * (a - 1.0) / b,
-        false => -r.min_element(),
+    if b > 1e-6 {
+        a * (a - 1.0) / b
+    } else {
+        -r.min_element()
     }
 }
 

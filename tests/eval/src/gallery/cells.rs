@@ -169,10 +169,7 @@ impl Cells<'_> {
             let known = roles.into_iter().find(|(role, _)| is(*role));
             known.map_or(SKIN, |(_, colour)| colour)
         };
-        let colour = |t| match marked.contains(t) {
-            true => HOT,
-            false => of(t),
-        };
+        let colour = |t| if marked.contains(t) { HOT } else { of(t) };
         let colours: Vec<_> = self.mesh.triangles.iter().map(colour).collect();
         self.draw(moved, &colours, view)
     }

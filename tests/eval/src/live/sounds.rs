@@ -189,9 +189,12 @@ fn breath() -> Vec<f32> {
     let (inward, outward) = (band(5, 400.0, 3_500.0), band(6, 300.0, 2_000.0));
     of(|i| {
         let t = i as f32 / RATE as f32 % 3.0;
-        let swell = |from: f32, length: f32| match (from..from + length).contains(&t) {
-            true => (TAU / 2.0 * (t - from) / length).sin().powf(1.5),
-            false => 0.0,
+        let swell = |from: f32, length: f32| {
+            if (from..from + length).contains(&t) {
+                (TAU / 2.0 * (t - from) / length).sin().powf(1.5)
+            } else {
+                0.0
+            }
         };
         inward[i] * swell(0.0, 1.2) + 0.7 * outward[i] * swell(1.5, 1.3)
     })

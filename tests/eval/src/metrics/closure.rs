@@ -44,9 +44,10 @@ fn minimum(gap: &[f64], fps: f64, from: f64, to: f64) -> Option<(f64, f64)> {
     let last = ((to * fps).floor().max(-1.0) + 1.0) as usize;
     let least = (first..last.min(gap.len())).min_by(|a, b| gap[*a].total_cmp(&gap[*b]))?;
     let inner = least > 0 && least + 1 < gap.len();
-    let offset = match inner && gap[least - 1] >= gap[least] && gap[least + 1] >= gap[least] {
-        true => parabola([gap[least - 1], gap[least], gap[least + 1]]).0,
-        false => 0.0,
+    let offset = if inner && gap[least - 1] >= gap[least] && gap[least + 1] >= gap[least] {
+        parabola([gap[least - 1], gap[least], gap[least + 1]]).0
+    } else {
+        0.0
     };
     Some(((least as f64 + offset) / fps, gap[least]))
 }

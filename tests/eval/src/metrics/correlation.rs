@@ -20,9 +20,10 @@ pub fn pearson(a: &[f64], b: &[f64]) -> f64 {
     }
     // Arithmetic leaves rounding errors in a constant curve: ignore them.
     let moves = |power: f64, mean: f64| power > count as f64 * (1e-9 * mean).powi(2);
-    match moves(aa, mean_a) && moves(bb, mean_b) {
-        true => ab / (aa * bb).sqrt(),
-        false => 0.0,
+    if moves(aa, mean_a) && moves(bb, mean_b) {
+        ab / (aa * bb).sqrt()
+    } else {
+        0.0
     }
 }
 

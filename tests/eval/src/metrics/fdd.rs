@@ -17,9 +17,10 @@ pub fn face_dynamics_deviation(
 ) -> Result<f64> {
     check(prediction, truth, upper, 1)?;
     let mean = |clip| upper.iter().map(|v| deviation(clip, *v)).sum::<f64>() / upper.len() as f64;
-    Ok(match upper.is_empty() {
-        true => 0.0,
-        false => mean(truth) - mean(prediction),
+    Ok(if upper.is_empty() {
+        0.0
+    } else {
+        mean(truth) - mean(prediction)
     })
 }
 

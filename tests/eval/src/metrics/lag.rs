@@ -61,12 +61,11 @@ impl LagCurve {
 /// The middle value must be the largest or smallest of the three.
 pub(super) fn parabola([before, here, after]: [f64; 3]) -> (f64, f64) {
     let bend = before - 2.0 * here + after;
-    match bend.abs() > 1e-12 {
-        true => {
-            let offset = (0.5 * (before - after) / bend).clamp(-0.5, 0.5);
-            (offset, here - 0.25 * (before - after) * offset)
-        }
-        false => (0.0, here),
+    if bend.abs() > 1e-12 {
+        let offset = (0.5 * (before - after) / bend).clamp(-0.5, 0.5);
+        (offset, here - 0.25 * (before - after) * offset)
+    } else {
+        (0.0, here)
     }
 }
 

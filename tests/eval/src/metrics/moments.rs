@@ -41,9 +41,10 @@ impl Moments {
             let mean = self.sum[k] / self.count.max(1.0);
             let scatter = self.square[k] - self.sum[k] * mean;
             // Arithmetic leaves rounding errors in a constant curve: ignore them.
-            match scatter > 1e-11 * self.square[k] {
-                true => scatter,
-                false => 0.0,
+            if scatter > 1e-11 * self.square[k] {
+                scatter
+            } else {
+                0.0
             }
         })
     }
@@ -54,18 +55,20 @@ impl Moments {
     /// the second.
     pub fn joint_scatter(&self) -> f64 {
         let [a, b] = self.scatter();
-        match a > 0.0 && b > 0.0 {
-            true => self.product - self.sum[0] * self.sum[1] / self.count,
-            false => 0.0,
+        if a > 0.0 && b > 0.0 {
+            self.product - self.sum[0] * self.sum[1] / self.count
+        } else {
+            0.0
         }
     }
 
     /// Pearson's r, −1 to 1; 0 where either curve is constant.
     pub fn r(&self) -> f64 {
         let [a, b] = self.scatter();
-        match a > 0.0 && b > 0.0 {
-            true => self.joint_scatter() / (a * b).sqrt(),
-            false => 0.0,
+        if a > 0.0 && b > 0.0 {
+            self.joint_scatter() / (a * b).sqrt()
+        } else {
+            0.0
         }
     }
 }

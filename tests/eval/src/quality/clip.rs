@@ -73,9 +73,10 @@ impl Clip {
     /// The rest face for a predictor's motion: the speaker's own for the recording, the face that
     /// models move for all others.
     pub(super) fn face(&self, predictor: &str) -> &Array2<f64> {
-        match predictor == RECORDED {
-            true => &self.speaker,
-            false => &self.neutral,
+        if predictor == RECORDED {
+            &self.speaker
+        } else {
+            &self.neutral
         }
     }
 }

@@ -67,11 +67,12 @@ impl Album {
 
 fn label(canvas: &Canvas<'_>, text: &str, at: (i32, i32), upright: bool) -> Result<()> {
     let style = TextStyle::from((FONT, 14).into_font());
-    let style = match upright {
+    let style = if upright {
         // Rotated text is anchored at its start.
-        true => TextStyle::from((FONT, 14).into_font().transform(FontTransform::Rotate270))
-            .pos(Pos::new(HPos::Left, VPos::Center)),
-        false => style.pos(Pos::new(HPos::Right, VPos::Center)),
+        TextStyle::from((FONT, 14).into_font().transform(FontTransform::Rotate270))
+            .pos(Pos::new(HPos::Left, VPos::Center))
+    } else {
+        style.pos(Pos::new(HPos::Right, VPos::Center))
     };
     canvas
         .draw(&Text::new(text.to_owned(), at, style))

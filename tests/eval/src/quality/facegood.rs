@@ -85,12 +85,13 @@ fn takes(folder: &Path) -> Result<Vec<PathBuf>> {
         .filter(|path| path.to_string_lossy().ends_with(".arkit.csv"))
         .collect();
     tables.sort();
-    match tables.is_empty() {
-        true => Err(Error::InvalidInput(format!(
+    if tables.is_empty() {
+        Err(Error::InvalidInput(format!(
             "{}: expected files *.arkit.csv, got none",
             folder.display()
-        ))),
-        false => Ok(tables),
+        )))
+    } else {
+        Ok(tables)
     }
 }
 

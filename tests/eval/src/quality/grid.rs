@@ -101,13 +101,14 @@ pub(crate) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>
         .windows(2)
         .map(|w| w[0] as usize..w[1] as usize)
         .collect();
-    match spans.len() == clips && spans.iter().all(|span| !span.is_empty()) {
-        true => Ok(spans),
-        false => Err(file.bad(&format!(
+    if spans.len() == clips && spans.iter().all(|span| !span.is_empty()) {
+        Ok(spans)
+    } else {
+        Err(file.bad(&format!(
             "clip_offsets: expected {} rising frame numbers, got {}",
             clips + 1,
             offsets.len()
-        ))),
+        )))
     }
 }
 
@@ -161,9 +162,10 @@ fn filled(track: &Array3<f64>, tracked: &[bool]) -> Array3<f64> {
         let next = good.partition_point(|g| *g < t);
         let after = good.get(next).unwrap_or(last);
         let before = next.checked_sub(1).map_or(first, |k| &good[k]);
-        let share = match after > before {
-            true => (t - before) as f64 / (after - before) as f64,
-            false => 0.0,
+        let share = if after > before {
+            (t - before) as f64 / (after - before) as f64
+        } else {
+            0.0
         };
         let [a, b] = [before, after].map(|g| track.index_axis(Axis(0), *g));
         out.index_axis_mut(Axis(0), t)

@@ -285,23 +285,23 @@ impl Quality {
         let effort = effort::measure(speaker, &wish, (data, &spoken), self.limit)?;
         let life = life::measure(speaker, &wish, data, clips)?;
         stage("emotion", 0.6);
-        let reading = match self.head.is_dir() && speaker.shows_emotion() {
-            true => {
-                let heads = Head::three(&speaker.engine, data, &self.head)?;
-                let speech = &performed[1].corpus.training;
-                Some(reading::measure(
-                    speaker,
-                    &wish,
-                    &heads,
-                    ict,
-                    (speech, clips),
-                )?)
-            }
-            false => None,
+        let reading = if self.head.is_dir() && speaker.shows_emotion() {
+            let heads = Head::three(&speaker.engine, data, &self.head)?;
+            let speech = &performed[1].corpus.training;
+            Some(reading::measure(
+                speaker,
+                &wish,
+                &heads,
+                ict,
+                (speech, clips),
+            )?)
+        } else {
+            None
         };
-        let intensity = match speaker.shows_emotion() {
-            true => emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?,
-            false => Vec::new(),
+        let intensity = if speaker.shows_emotion() {
+            emotions::intensity(speaker, &wish, speaker.weights.as_deref(), clips)?
+        } else {
+            Vec::new()
         };
         stage("seeds", 0.8);
         let seeds = recorded().map(|c| seeds::measure(speaker, &wish, c));

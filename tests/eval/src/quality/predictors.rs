@@ -122,9 +122,10 @@ impl Evaluation<'_> {
             predictors.push(Predictor::of_all(STREAM, &corpus, speak)?);
         }
         predictors.extend(self.other_systems(&corpus)?);
-        let fitted = match corpus.training.is_empty() {
-            true => None,
-            false => Some(Baselines::fit(&corpus.training)?),
+        let fitted = if corpus.training.is_empty() {
+            None
+        } else {
+            Some(Baselines::fit(&corpus.training)?)
         };
         if let Some(line) = fitted.as_ref().or(fallback) {
             let still = |clip: &Clip| Ok(line.constant(clip));
@@ -196,9 +197,10 @@ fn sub_folders(folder: &Path) -> Result<Vec<PathBuf>> {
 fn from_files(folder: &Path, clips: &[Clip]) -> Result<Vec<Option<Array3<f64>>>> {
     let read = |clip: &Clip| {
         let path = folder.join(format!("{}.npz", clip.name));
-        match path.is_file() {
-            true => from_file(&path, clip).map(Some),
-            false => Ok(None),
+        if path.is_file() {
+            from_file(&path, clip).map(Some)
+        } else {
+            Ok(None)
         }
     };
     clips.iter().map(read).collect()
@@ -217,9 +219,10 @@ fn from_file(path: &Path, clip: &Clip) -> Result<Array3<f64>> {
         fps: file.fps.unwrap_or(clip.fps),
         displacements: file.displacements,
     };
-    let motion = match (motion.fps - clip.fps).abs() < 1e-6 {
-        true => motion,
-        false => motion.at_rate(clip.fps, clip.frames()),
+    let motion = if (motion.fps - clip.fps).abs() < 1e-6 {
+        motion
+    } else {
+        motion.at_rate(clip.fps, clip.frames())
     };
     fitted(motion.displacements.mapv(f64::from), clip.frames())
         .ok_or_else(|| bad("expected frames, got none"))

@@ -56,9 +56,10 @@ impl ClipScores {
         let (p, g) = (judged_part(prediction), judged_part(clip.motion.view()));
         let (p, g) = (p.view(), g.view());
         let (lips, upper) = (clip.rows(lips), clip.rows(upper));
-        let fdd = match upper.is_empty() {
-            true => None,
-            false => Some(metrics::face_dynamics_deviation(p, g, &upper)?),
+        let fdd = if upper.is_empty() {
+            None
+        } else {
+            Some(metrics::face_dynamics_deviation(p, g, &upper)?)
         };
         let judged = |curve: Vec<f64>| curve[clip.judged.clone()].to_vec();
         let predicted = features::of(&clip.neutral, prediction)?.map(judged);

@@ -195,9 +195,12 @@ mod tests {
 
     #[test]
     fn a_quiet_stretch_between_tones_is_a_pause() {
-        let samples = (0..32_000).map(|i| match (8_000..16_000).contains(&i) {
-            true => 0.0001,
-            false => (i as f32 * 0.3).sin(),
+        let samples = (0..32_000).map(|i| {
+            if (8_000..16_000).contains(&i) {
+                0.0001
+            } else {
+                (i as f32 * 0.3).sin()
+            }
         });
         let quiet = below_level(&Waveform {
             samples: samples.collect(),

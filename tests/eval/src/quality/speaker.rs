@@ -67,10 +67,10 @@ impl Speaker {
         fps: f64,
         wish: &Wish,
     ) -> Result<Performance> {
-        let mut controls = match wish.default_controls {
-            true => Controls::default(),
-            false => Controls::from(PerformanceControls::as_sampled())
-                .among(self.engine.system().controls()),
+        let mut controls = if wish.default_controls {
+            Controls::default()
+        } else {
+            Controls::from(PerformanceControls::as_sampled()).among(self.engine.system().controls())
         };
         if let Some(steps) = wish.steps {
             controls.set("steps", steps as f32);
