@@ -9,30 +9,59 @@ use crate::{
 };
 
 /// Epsilon of PyTorch's norms.
-pub(super) const EPSILON: f32 = 1e-5;
+const EPSILON: f32 = 1e-5;
 
-/// A block for each of `dilations`, from the weights `0`, `1` and so on.
-///
-/// # Errors
-/// `Weights` if one is missing or has another shape.
-pub(super) fn residual_blocks(
-    weights: &Weights,
-    channels: usize,
-    dilations: &[usize],
-) -> Result<Vec<ResidualBlock>> {
-    let block = |(i, d): (usize, &usize)| ResidualBlock::load(&weights.pp(i), channels, *d);
-    dilations.iter().enumerate().map(block).collect()
+/// Residual blocks, a strided convolution to half the rate, more such blocks, and a norm.
+pub(super) struct ResidualStack {
+    fine: Vec<ResidualBlock>,
+    down: Conv1d,
+    coarse: Vec<ResidualBlock>,
+    norm: LayerNorm,
+}
+
+impl ResidualStack {
+    /// From the weights `fine.0`, `fine.1` and so on, `down`, `coarse.0` and so on, and `norm`. `dilations`: of the
+    /// blocks before and after the strided convolution.
+    ///
+    /// # Errors
+    /// `Weights` if one is missing or has another shape.
+    pub fn load(weights: &Weights, channels: usize, dilations: [&[usize]; 2]) -> Result<Self> {
+        let blocks = |name: &str, dilations: &[usize]| -> Result<Vec<ResidualBlock>> {
+            let weights = weights.pp(name);
+            let block = |(i, d): (usize, &usize)| ResidualBlock::load(&weights.pp(i), channels, *d);
+            dilations.iter().enumerate().map(block).collect()
+        };
+        Ok(ResidualStack {
+            fine: blocks("fine", dilations[0])?,
+            down: same_length(&weights.pp("down"), [channels, channels, 3], 2, 1)?,
+            coarse: blocks("coarse", dilations[1])?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+        })
+    }
+
+    /// `[T, C]` to `[⌈T / 2⌉, C]`.
+    pub fn forward(&self, mut x: Array2<f32>) -> Array2<f32> {
+        for block in &self.fine {
+            block.forward_in_place(&mut x);
+        }
+        let mut x = self.down.forward_then(&x, gelu_all);
+        for block in &self.coarse {
+            block.forward_in_place(&mut x);
+        }
+        self.norm.forward_in_place(&mut x);
+        x
+    }
 }
 
 /// `x + mix(GELU(conv(norm(x))))` on `[T, C]`; `conv` has 3 taps `dilation` apart.
-pub(super) struct ResidualBlock {
+struct ResidualBlock {
     norm: LayerNorm,
     conv: Conv1d,
     mix: Linear,
 }
 
 impl ResidualBlock {
-    pub fn load(weights: &Weights, channels: usize, dilation: usize) -> Result<Self> {
+    fn load(weights: &Weights, channels: usize, dilation: usize) -> Result<Self> {
         Ok(ResidualBlock {
             norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
             conv: same_length(&weights.pp("conv"), [channels, channels, 3], 1, dilation)?,
@@ -40,7 +69,7 @@ impl ResidualBlock {
         })
     }
 
-    pub fn forward_in_place(&self, x: &mut Array2<f32>) {
+    fn forward_in_place(&self, x: &mut Array2<f32>) {
         let y = self.conv.forward_then(&self.norm.forward(x), gelu_all);
         *x += &self.mix.forward(&y);
     }

@@ -9,16 +9,11 @@ use crate::{
     Error, Result,
     models::Weights,
     nn::{
-        conv::Conv1d,
         elementwise::{gelu_all, vectorised},
         linear::Linear,
         matrix,
-        norm::LayerNorm,
     },
-    speech::{
-        residual_block::{EPSILON, ResidualBlock, residual_blocks, same_length},
-        whisper_trunk::RATE_HZ,
-    },
+    speech::{residual_block::ResidualStack, whisper_trunk::RATE_HZ},
 };
 
 /// Rows of the trunk per output frame.
@@ -83,10 +78,7 @@ pub(super) struct EarBody {
     /// Standard deviation of each channel of each tap, `[K, width]`.
     deviation: Array2<f32>,
     enter: Linear,
-    fine: Vec<ResidualBlock>,
-    down: Conv1d,
-    coarse: Vec<ResidualBlock>,
-    norm: LayerNorm,
+    stack: ResidualStack,
 }
 
 impl EarBody {
@@ -110,20 +102,12 @@ impl EarBody {
                 "deviation: expected positive numbers, got {got}"
             )));
         }
-        let blocks = |name, dilations| residual_blocks(&weights.pp(name), channels, dilations);
+        let dilations = [&config.fine_dilations[..], &config.coarse_dilations];
         Ok(EarBody {
             mean: weights.matrix("mean", taps, width)?,
             deviation,
             enter: Linear::load(&weights.pp("enter"), taps * width, channels)?,
-            fine: blocks("fine", &config.fine_dilations)?,
-            down: same_length(
-                &weights.pp("down"),
-                [channels, channels, 3],
-                FEATURES_EACH,
-                1,
-            )?,
-            coarse: blocks("coarse", &config.coarse_dilations)?,
-            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            stack: ResidualStack::load(weights, channels, dilations)?,
             config,
         })
     }
@@ -173,15 +157,6 @@ impl EarBody {
 
     /// Features of the rows of [`EarBody::enter`]: `[T, C]` → `[⌈T / 2⌉, C]`.
     pub fn forward(&self, rows: &ArrayRef2<f32>) -> Array2<f32> {
-        let mut x = rows.to_owned();
-        for block in &self.fine {
-            block.forward_in_place(&mut x);
-        }
-        let mut x = self.down.forward_then(&x, gelu_all);
-        for block in &self.coarse {
-            block.forward_in_place(&mut x);
-        }
-        self.norm.forward_in_place(&mut x);
-        x
+        self.stack.forward(rows.to_owned())
     }
 }

@@ -8,16 +8,13 @@ use ndarray::{Array2, ArrayRef2};
 use crate::{
     Result,
     models::Weights,
-    nn::{conv::Conv1d, elementwise::gelu_all, norm::LayerNorm},
-    speech::residual_block::{EPSILON, ResidualBlock, residual_blocks, same_length},
+    nn::{conv::Conv1d, elementwise::gelu_all},
+    speech::residual_block::{ResidualStack, same_length},
 };
 
 pub(super) struct Convolutions {
     stem: Conv1d,
-    fine: Vec<ResidualBlock>,
-    down: Conv1d,
-    coarse: Vec<ResidualBlock>,
-    norm: LayerNorm,
+    stack: ResidualStack,
 }
 
 impl Convolutions {
@@ -27,27 +24,14 @@ impl Convolutions {
         dilations: [&[usize]; 2],
         weights: &Weights,
     ) -> Result<Self> {
-        let blocks = |name, dilations| residual_blocks(&weights.pp(name), channels, dilations);
         Ok(Convolutions {
             stem: same_length(&weights.pp("stem"), [channels, inputs, 5], 2, 1)?,
-            fine: blocks("fine", dilations[0])?,
-            down: same_length(&weights.pp("down"), [channels, channels, 3], 2, 1)?,
-            coarse: blocks("coarse", dilations[1])?,
-            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            stack: ResidualStack::load(weights, channels, dilations)?,
         })
     }
 
     /// `[T, inputs]` to `[⌈⌈T/2⌉/2⌉, C]`.
     pub(super) fn forward(&self, inputs: &ArrayRef2<f32>) -> Array2<f32> {
-        let mut x = self.stem.forward_then(inputs, gelu_all);
-        for block in &self.fine {
-            block.forward_in_place(&mut x);
-        }
-        let mut x = self.down.forward_then(&x, gelu_all);
-        for block in &self.coarse {
-            block.forward_in_place(&mut x);
-        }
-        self.norm.forward_in_place(&mut x);
-        x
+        self.stack.forward(self.stem.forward_then(inputs, gelu_all))
     }
 }
