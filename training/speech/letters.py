@@ -1,9 +1,10 @@
 """Finds when the words of a text are said: letters, the phones that each may stand for, and the best path.
 
 Twin of `rust-core/src/speech/alignment.rs`, which also reads English words in a dictionary
-(`training.speech.pronunciations`). Here a text becomes units, each a letter or one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
-unit may be silent. Pauses may occur before, between and after words. The most probable path (Viterbi 1967)
-through the frames tells when each unit is spoken.
+(`training.speech.pronunciations`). Here a text becomes units, each a letter or one of the groups below, and
+`table` [U, K] has the probability that a unit sounds as each class of phones. A unit may be silent. Pauses
+may occur before, between and after words. The most probable path (Viterbi 1967) through the frames tells
+when each unit is spoken.
 """
 
 import unicodedata
@@ -50,9 +51,9 @@ PHONES = tuple(f"/{sign}" for sign in CLASSES if sign != "_")
 
 ALSO = {
     "ɑ": "ɔaʌ", "æ": "aɛə", "ʌ": "əɑɪ", "ɔ": "ɑoʊ", "ə": "ʌɪɛ", "ɛ": "eæɪ", "e": "ɛɪ", "ɪ": "iəɛ", "i": "ɪ",
-    "ɝ": "ɹəɔ", "o": "ɔʊə", "ʊ": "uəw", "u": "ʊyw", "a": "ɑæʌ", "t": "d", "d": "t", "s": "z", "z": "s", "ð": "dθ",
-    "θ": "ðt", "v": "f", "f": "v", "p": "b", "b": "p", "ɡ": "k", "k": "ɡ", "ɹ": "rɝw", "w": "uv", "h": "x", "j": "i",
-    "ʃ": "ʒ", "ʒ": "ʃ", "n": "ŋ", "ŋ": "n",
+    "ɝ": "ɹəɔ", "o": "ɔʊə", "ʊ": "uəw", "u": "ʊyw", "a": "ɑæʌ", "t": "d", "d": "t", "s": "z", "z": "s",
+    "ð": "dθ", "θ": "ðt", "v": "f", "f": "v", "p": "b", "b": "p", "ɡ": "k", "k": "ɡ", "ɹ": "rɝw",
+    "w": "uv", "h": "x", "j": "i", "ʃ": "ʒ", "ʒ": "ʃ", "n": "ŋ", "ŋ": "n",
 }  # fmt: skip
 """Classes as which a phone of the dictionary is also said or heard."""
 ALSO_SHARE = 0.2
