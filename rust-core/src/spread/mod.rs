@@ -482,8 +482,8 @@ impl Block {
 /// The error for a frame that is not finite.
 fn lost(frame: usize) -> Error {
     Error::Numerics(format!(
-        "displacements: frame {frame} is not finite; are the mesh, its motion or the weights of the models \
-         out of all measure?"
+        "displacements: frame {frame} is not finite; expected a mesh, a motion and models whose numbers are not \
+         enormous"
     ))
 }
 

@@ -101,12 +101,12 @@ fn glance(page: &mut Page, results: &Results) {
     });
     page.table(&titles, rows.collect::<Vec<_>>());
     page.block(format!(
-        "Features as r by clip / slope; the slope says how large the motion is of what the recording \
-         does. `{MODEL}` is the model in its default style, as a user gets it; `{MODEL}, style …` is \
+        "Features as r by clip / slope; a slope of 0.9 means that the motion is 0.9 times as large as \
+         the recording's. `{MODEL}` is the model in its default style, as a user gets it; `{MODEL}, style …` is \
          asked for the style of that source; `stream` is its causal twin. `constant` is the mean \
-         face of the source's own training clips; `loudness` a straight line of every coordinate \
-         over the sound's level, fitted to the same. Names of systems are their motion as they come. Every other name is motion \
-         from a file."
+         face of the source's own training clips. `loudness` draws a straight line for every coordinate \
+         over the sound's level, fitted to the same clips. The name of a system stands for its motion in the default \
+         settings. Every other name is motion from a file."
     ));
     page.block(format!(
         "Held out of grid_s1 is every tenth clip; of facegood_zh the last 15 % of each take, whose \
