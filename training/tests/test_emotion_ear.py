@@ -49,10 +49,13 @@ def test_every_instant_has_a_row():
 
 def test_sounds_that_are_moved_keep_their_peak_and_their_parts_their_length():
     random = torch.Generator().manual_seed(0)
-    sounds = torch.from_numpy(np.stack([made_voice()[:32000]] * 3)) / 0.2
+    sounds = torch.from_numpy(np.stack([made_voice()[:32000]] * 12)) / 0.2
     heard = moved(sounds, random)
-    assert torch.allclose(heard.abs().amax(dim=1), torch.full((3,), 0.9), atol=0.8)
-    assert torch.isfinite(heard).all()
+    assert torch.allclose(heard.abs().amax(dim=1), torch.full((12,), 0.9), atol=1e-5)
+    plain = 0.9 / sounds.abs().amax(dim=1, keepdim=True) * sounds
+    is_plain = torch.isclose(heard, plain, atol=1e-5).all(dim=1)
+    assert 1 <= is_plain.sum() <= 8
+    sounds = sounds[:3]
     lengths = torch.tensor([32000, 20000, 13000])
     for frames, (which, parts) in cut(sounds, lengths, random).items():
         assert parts.shape == (len(which), frames * 160) and frames % 20 == 0
