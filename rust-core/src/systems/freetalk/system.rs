@@ -157,7 +157,7 @@ impl System for FreeTalk {
         let closes = self.config.closes_lips(request.style.as_deref());
         if closes || request.closures.is_some() {
             let contacts = heard.contacts(request.closures.as_deref());
-            if self.config.emotion == EmotionOrigin::Added {
+            if closes && self.config.emotion == EmotionOrigin::Added {
                 clip.widen(&clip.widths(), &self.modes)?;
             }
             clip.make_contacts(&contacts, &self.modes)?;
