@@ -167,8 +167,8 @@ pub unsafe extern "C" fn anyface_sounds_new(
 }
 
 /// Listens to a sound and finds its closures, its phones and, if `text` is given, the times of its
-/// words. The closures are the same as those of `anyface_sounds_new()`. They alone decide when the
-/// lips close.
+/// words. Without a text the closures are those of `anyface_sounds_new()`, with one those of its p, b
+/// and m. They alone decide when the lips close.
 ///
 /// `text`: UTF-8, the words that are said in the sound; NULL if they are not known. Free with
 /// `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, with

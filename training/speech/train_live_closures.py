@@ -61,7 +61,8 @@ SHARES = ("met", "wrong", "closed", "teacher_closed")
 class Closures:
     """Features of the ear [T, C] → probability [T, 1] of p, b or m, on the scale of `CLOSED`.
 
-    Twin of `sure` in `rust-core/src/speech/contacts.rs`.
+    As `sure` in `rust-core/src/speech/contacts.rs`, which asks for surer odds by now (1.0) than those at
+    which the shipped network was trained.
     """
 
     def __init__(self, readout: PhoneReadout):

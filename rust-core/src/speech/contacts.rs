@@ -5,8 +5,8 @@ use super::{Heard, LipClosures, LipShapes};
 /// Smallest probability whose log-odds count.
 const LEAST: f32 = 1e-5;
 /// Log-odds at which the lips close fully, and at which the lower lip reaches the teeth, beyond the odds
-/// that [`LipClosures`] asks for. On GRID's held-out speakers 98 % of the closures and 83 % of the touches of
-/// the teeth are then at such a phone.
+/// that [`LipClosures`] asks for. In 120 clips of GRID, which the read-out of phones has not learned, 98 %
+/// of the closures and about 80 % of the touches of the teeth are then at such a phone.
 const TOGETHER: f32 = 1.0;
 const AT_TEETH: f32 = 1.7;
 

@@ -40,12 +40,7 @@ pub fn take_shapes(clip: &mut LandmarkClip, shapes: &LipShapes, modes: &FaceMode
             let mode = if by < 0.0 { &pucker } else { &stretch };
             add(&mut face, MOUTH, mode, by / width(mode.view()));
             let by = missing(forward(face.view()), shape.forward_m, degree);
-            let gaps = LIP_COLUMNS.each_ref().map(|column| column.gap(face.view()));
-            add(&mut face, MOUTH, &ahead, by.max(0.0) / forward_m);
-            for (column, gap) in LIP_COLUMNS.iter().zip(gaps) {
-                let by = gap - column.gap(face.view());
-                column.part(&mut face, by);
-            }
+            add_at_gaps(&mut face, &ahead, by.max(0.0) / forward_m);
             let by = missing(gap(face.view()), shape.gap_m, degree);
             let open = opening(face.view());
             if by > 0.0 {
@@ -87,8 +82,18 @@ pub fn chin(face: ArrayView2<'_, f32>) -> f32 {
     -face[[CHIN, 1]]
 }
 
+/// Adds a mode `[68, 3]` to the mouth of a face, and leaves every gap of the lips as it is.
+pub(super) fn add_at_gaps(face: &mut ArrayViewMut2<'_, f32>, mode: &Array2<f32>, weight: f32) {
+    let gaps = LIP_COLUMNS.each_ref().map(|column| column.gap(face.view()));
+    add(face, MOUTH, mode, weight);
+    for (column, gap) in LIP_COLUMNS.iter().zip(gaps) {
+        let by = gap - column.gap(face.view());
+        column.part(face, by);
+    }
+}
+
 /// Adds a mode `[68, 3]` to some landmarks of a face.
-pub(super) fn add(
+fn add(
     face: &mut ArrayViewMut2<'_, f32>,
     landmarks: impl Iterator<Item = usize>,
     mode: &Array2<f32>,
