@@ -37,12 +37,12 @@ impl Engine {
         let encoder = EmotionEncoder::open(self.model_folder.as_deref())?;
         let ears = Ears {
             encoder: Arc::new(encoder),
-            ear: Arc::clone(self.ear.get()?),
+            ear: Arc::clone(self.shared.ear.get()?),
         };
         WeightStream::new(
             self.stream()?,
             ears,
-            &self.face_modes,
+            &self.shared.face_modes,
             self.rig_model()?.visemes(),
         )
     }

@@ -29,7 +29,7 @@ impl Engine {
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
             let mut heard = self.hear(waveform, SILENT)?;
-            let (said, rows) = self.phone_model.get()?.said(heard.sound(), text)?;
+            let (said, rows) = self.shared.phone_model.get()?.said(heard.sound(), text)?;
             heard.set_phone_rows(rows);
             let mut annotation = closures_of(&heard);
             for tier in &mut annotation.tiers {
@@ -47,8 +47,8 @@ impl Engine {
     /// Analyses a sound, and attaches the models that find phones and emotions in it.
     pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
         let mut heard = Heard::of(waveform, self.encoder.get()?, progress)?;
-        heard.phones = Some(Arc::clone(self.phone_model.get()?));
-        heard.ear = Some(Arc::clone(self.ear.get()?));
+        heard.phones = Some(Arc::clone(self.shared.phone_model.get()?));
+        heard.ear = Some(Arc::clone(self.shared.ear.get()?));
         Ok(heard)
     }
 }

@@ -105,6 +105,18 @@ pub struct Engine {
     registration: &'static Registration,
     system: Box<dyn System>,
     encoder: Opened<Arc<dyn SpeechEncoder>>,
+    shared: SharedModels,
+    /// Loaded when shapes are first needed.
+    rig_model: OnceLock<RigModel>,
+    model_folder: Option<PathBuf>,
+    cache: Cache,
+    pool: Option<rayon::ThreadPool>,
+    /// The process that made the engine. A forked copy of it does not have its threads.
+    process: u32,
+}
+
+/// What all systems have in common, besides the speech encoder.
+struct SharedModels {
     static_weights: StaticWeights,
     creases: Creases,
     finder: LandmarkFinder,
@@ -114,17 +126,32 @@ pub struct Engine {
     ear: Opened<Arc<EmotionEar>>,
     /// The user's own model, which hears emotions instead of `ear`.
     user_ear: Option<UserEar>,
-    /// Loaded when shapes are first needed.
-    rig_model: OnceLock<RigModel>,
     /// Hears phones, which say when lips touch.
     phone_model: Opened<Arc<PhoneModel>>,
-    model_folder: Option<PathBuf>,
-    cache: Cache,
     /// Identifies the models in the cache entries of a mesh.
-    key_of_models: CacheKey,
-    pool: Option<rayon::ThreadPool>,
-    /// The process that made the engine. A forked copy of it does not have its threads.
-    process: u32,
+    key: CacheKey,
+}
+
+impl SharedModels {
+    fn open(folder: Option<&Path>, emotion_model: Option<&Path>) -> Result<Self> {
+        Ok(SharedModels {
+            static_weights: StaticWeights::open(folder)?,
+            creases: Creases::open(folder)?,
+            finder: LandmarkFinder::load(folder)?,
+            face_modes: FaceModes::open(folder)?,
+            ear: Opened::of(&speech::EMOTION_EAR, folder, || {
+                EmotionEar::open(folder).map(Arc::new)
+            })?,
+            user_ear: match emotion_model {
+                Some(model) => Some(UserEar::open(model, folder)?),
+                None => None,
+            },
+            phone_model: Opened::of(&PHONE_MODEL, folder, || {
+                PhoneModel::open(folder).map(Arc::new)
+            })?,
+            key: key_of_models(folder)?,
+        })
+    }
 }
 
 /// The process that made the first engine, and so started the threads that all engines share.
@@ -164,41 +191,50 @@ impl Engine {
         }
     }
 
+    /// Loads on the threads on which the engine will work.
     fn load(options: EngineOptions) -> Result<Self> {
+        match private_pool(options.threads)? {
+            Some(pool) => {
+                let engine = pool.install(|| Self::open(options))?;
+                Ok(Engine {
+                    pool: Some(pool),
+                    ..engine
+                })
+            }
+            None => Self::open(options),
+        }
+    }
+
+    fn open(options: EngineOptions) -> Result<Self> {
         let folder = options.models.as_deref();
         if let Some(folder) = folder {
             models::check_folder(folder, built_in_models(), &speech::CHECKPOINTS)?;
         }
         let registration = Registration::find(options.system.as_deref())?;
-        let system = (registration.open)(folder)?;
         let checkpoint = options.speech.as_deref();
-        let input = system.description().speech;
+        let emotion_model = options.emotion_model.as_deref();
+        // The ear takes as long as everything else: most of it goes into gzip, on one thread a file.
+        let (ear, (system, shared)) = rayon::join(
+            || checkpoint.is_none().then(|| speech::ear(folder)),
+            || {
+                let shared = || SharedModels::open(folder, emotion_model);
+                rayon::join(|| (registration.open)(folder), shared)
+            },
+        );
+        let system = system?;
+        let required = system.description().speech;
         let encoder = Opened::of(&speech::EAR_MODEL, folder, || {
-            Ok(Arc::from(speech::open(input, checkpoint, folder)?))
-        })?;
-        let phone_model = Opened::of(&PHONE_MODEL, folder, || {
-            PhoneModel::open(folder).map(Arc::new)
+            let ear = || ear.unwrap_or_else(|| speech::ear(folder));
+            Ok(Arc::from(speech::open(required, checkpoint, folder, ear)?))
         })?;
         Ok(Engine {
             registration,
             system,
             encoder,
-            static_weights: StaticWeights::open(folder)?,
-            creases: Creases::open(folder)?,
-            finder: LandmarkFinder::load(folder)?,
-            face_modes: FaceModes::open(folder)?,
-            ear: Opened::of(&speech::EMOTION_EAR, folder, || {
-                EmotionEar::open(folder).map(Arc::new)
-            })?,
-            user_ear: match &options.emotion_model {
-                Some(model) => Some(UserEar::open(model, folder)?),
-                None => None,
-            },
+            shared: shared?,
             rig_model: OnceLock::new(),
-            phone_model,
             cache: Cache::new(&options.cache),
-            key_of_models: key_of_models(folder)?,
-            pool: private_pool(options.threads)?,
+            pool: None,
             process: process_here(),
             model_folder: options.models,
         })
@@ -257,8 +293,8 @@ impl Engine {
             options.proxy = None;
         }
         self.threads(|| {
-            let (cache, models) = (&self.cache, &self.key_of_models);
-            Face::find(mesh, &options, &self.finder, cache, models, progress)
+            let (cache, models) = (&self.cache, &self.shared.key);
+            Face::find(mesh, &options, &self.shared.finder, cache, models, progress)
         })
     }
 
@@ -299,7 +335,7 @@ impl Engine {
         learned: f32,
         progress: ProgressFn<'_>,
     ) -> Result<Arc<dyn Deformer>> {
-        let models = (&self.static_weights, &self.creases);
+        let models = (&self.shared.static_weights, &self.shared.creases);
         let deformer = deform::static_deformer(models, face, learned, &self.cache, progress)?;
         Ok(Arc::new(deformer))
     }
@@ -323,7 +359,7 @@ impl Engine {
             let (_, landmarks) = face.surface()?.decimetres();
             let learned = rig::Learned {
                 deformer: learned.as_ref(),
-                share: self.static_weights.known(&landmarks),
+                share: self.shared.static_weights.known(&landmarks),
             };
             let rig = model.make(face, plain.as_ref(), &learned, progress)?;
             check_result("rig", rig.deltas.view().into_dyn())?;
@@ -531,7 +567,7 @@ impl Engine {
     /// The landmark motion `[T, 68, 3]` that weights of ARKit's shapes give a face, mesh units and
     /// axes.
     fn landmarks_of_weights(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
-        let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
+        let landmarks = clip.of_arkit().landmarks(&self.shared.face_modes)?;
         Ok(face.motion_on_mesh(landmarks.displacements.view()))
     }
 
@@ -540,7 +576,7 @@ impl Engine {
     /// # Errors
     /// Those of [`Motion::on_mean_face`].
     pub fn landmarks_of(&self, motion: &Motion) -> Result<LandmarkClip> {
-        motion.on_mean_face(&self.face_modes)
+        motion.on_mean_face(&self.shared.face_modes)
     }
 
     /// The share by which each vertex attends to each landmark, `[T, V, 68]`, for landmark motion

@@ -112,7 +112,7 @@ impl Engine {
         if face.mouth() == Mouth::Welded {
             return Ok(None);
         }
-        let [drop, closed, at_teeth] = poses(&self.face_modes)?;
+        let [drop, closed, at_teeth] = poses(&self.shared.face_modes)?;
         let mut displacements = Array3::zeros((3, drop.nrows(), 3));
         for (mut frame, pose) in displacements
             .outer_iter_mut()

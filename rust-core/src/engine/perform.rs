@@ -197,7 +197,7 @@ impl Engine {
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
-            match &self.user_ear {
+            match &self.shared.user_ear {
                 Some(UserEar::Classifier(model)) => {
                     heard.emotion = Some(model.emotion(waveform, progress)?);
                 }
@@ -224,7 +224,7 @@ impl Engine {
         let Some(voice) = &request.neutral_voice else {
             return Ok(None);
         };
-        match (&self.user_ear, voice.sound()) {
+        match (&self.shared.user_ear, voice.sound()) {
             (Some(UserEar::Classifier(_)), _) => Err(Error::InvalidInput(
                 "neutral voice: expected the built-in ear or Whisper, got a classifier of emotions, which cannot use a neutral voice"
                     .into(),
@@ -232,7 +232,7 @@ impl Engine {
             (Some(UserEar::Whisper(ear)), Some(sound)) => {
                 ear.neutral_voice(sound, voice, progress).map(Some)
             }
-            _ => self.ear.get()?.neutral_voice(voice).map(Some),
+            _ => self.shared.ear.get()?.neutral_voice(voice).map(Some),
         }
     }
 
@@ -419,10 +419,12 @@ impl Engine {
         turn_eyes(&request.events, &mut life.gaze, moved.fps());
         match &mut moved {
             Motion::Landmarks(clip) => self
+                .shared
                 .face_modes
                 .follow_gaze(&mut clip.displacements, life.gaze.view())?,
-            Motion::Weights(clip) => clip.follow_gaze(&self.face_modes, life.gaze.view())?,
+            Motion::Weights(clip) => clip.follow_gaze(&self.shared.face_modes, life.gaze.view())?,
             Motion::Codes(clip) => self
+                .shared
                 .face_modes
                 .follow_gaze(&mut clip.landmarks.displacements, life.gaze.view())?,
         }

@@ -84,21 +84,22 @@ pub fn ear(folder: Option<&Path>) -> Result<Ear> {
 
 /// Opens the encoder that `required` names, or the ear. It is read from `checkpoint`, a
 /// Hugging Face folder, if that is given, otherwise from the folder of that name in `models`. The
-/// ear is also built in.
+/// ear comes from `ear`.
 ///
 /// # Errors
-/// Those of [`ear()`] and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
+/// Those of `ear` and [`from_folder`]; `Weights`, naming both sides, if the encoder is not
 /// the required one or gives another number of channels, or if there is none.
 pub fn open(
     required: Option<&SpeechInput>,
     checkpoint: Option<&Path>,
     models: Option<&Path>,
+    ear: impl FnOnce() -> Result<Ear>,
 ) -> Result<Box<dyn SpeechEncoder>> {
     let name = required.map_or(EAR_MODEL.name, |input| &input.encoder);
     let fps = transformer_fps(required)?;
     let encoder = match (checkpoint, models) {
         (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
-        (None, _) if name == EAR_MODEL.name => Box::new(ear(models)?),
+        (None, _) if name == EAR_MODEL.name => Box::new(ear()?),
         (None, Some(models)) if models.join(name).is_dir() => {
             from_folder(&models.join(name), None, fps)?
         }
