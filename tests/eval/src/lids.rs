@@ -123,6 +123,7 @@ impl Lids {
         let cells = Cells {
             mesh: &subject.mesh,
             face: &face,
+            tongue: 0..0,
         };
         let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
         let mut columns = Vec::new();

@@ -127,6 +127,7 @@ fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture>
     let cells = Cells {
         mesh: &opened.mesh,
         face: &after,
+        tongue: 0..0,
     };
     let front = View::about(&after, 48..68, SIZE, HALF_HEIGHT_M);
     let views = [front, front.turned(&after, 48..68, TURNED)];

@@ -87,6 +87,7 @@ impl Sounds {
             let cells = Cells {
                 mesh: &head.mesh,
                 face: &face,
+                tongue: head.tongue.clone(),
             };
             let front = View::about(&face, 48..68, SIZE, HALF_HEIGHT_M);
             let draw = |view: View| {
@@ -131,6 +132,7 @@ impl Sounds {
                 mesh: Mesh::read(path)?,
                 options: FaceOptions::default(),
                 truth: None,
+                tongue: 0..0,
             })
         };
         self.meshes.iter().map(head).collect()

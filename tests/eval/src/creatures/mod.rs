@@ -185,6 +185,7 @@ fn clicked(title: &str, mesh: Mesh, five: &[[f32; 3]; 5]) -> Subject {
             ..FaceOptions::default()
         },
         truth: None,
+        tongue: 0..0,
     }
 }
 
@@ -253,6 +254,7 @@ fn picture(face: &Face, frames: &[Option<ArrayView2<'_, f32>>]) -> Picture {
     let cells = Cells {
         mesh: &face.mesh,
         face,
+        tongue: 0..0,
     };
     let marks = face.landmarks.positions;
     let near = PAINTED_WIDTHS * distance(marks[48], marks[54]);

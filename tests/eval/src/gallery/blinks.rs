@@ -58,6 +58,7 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
+        tongue: 0..0,
     };
     let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
     let mut rows: [Vec<Picture>; 3] = Default::default();

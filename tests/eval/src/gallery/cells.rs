@@ -18,6 +18,7 @@ const GAP: usize = 3;
 const SKIN: [f32; 3] = [0.55, 0.5, 0.47];
 const EYEBALL: [f32; 3] = [0.82, 0.86, 0.95];
 const TOOTH: [f32; 3] = [0.93, 0.91, 0.85];
+const TONGUE: [f32; 3] = [0.72, 0.22, 0.24];
 const LINING: [f32; 3] = [0.42, 0.16, 0.15];
 const HOT: [f32; 3] = [0.8, 0.03, 0.02];
 /// The mean error leaves out vertices whose true motion is no more than this, millimetres.
@@ -86,6 +87,8 @@ impl View {
 pub(crate) struct Cells<'a> {
     pub mesh: &'a Mesh,
     pub face: &'a Face,
+    /// Numbers of its vertices, where they are known.
+    pub tongue: Range<usize>,
 }
 
 /// Places pictures next to one another in a row.
@@ -146,7 +149,7 @@ impl Cells<'_> {
         picture
     }
 
-    /// Draws a frame `[V, 3]`, or the neutral face, with eyeballs, teeth and the mouth's lining in their own colours.
+    /// Draws a frame `[V, 3]`, or the neutral face, with eyeballs, teeth, a known tongue and the mouth's lining in their own colours.
     pub(crate) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
         self.marked(moved, &[], view)
     }
@@ -159,6 +162,9 @@ impl Cells<'_> {
         view: &View,
     ) -> Picture {
         let of = |t: &[u32; 3]| {
+            if self.tongue.contains(&(t[0] as usize)) {
+                return TONGUE;
+            }
             let is = |role| self.face.parts.is(t[0] as usize, role);
             let roles = [
                 (PartRole::Gaze, EYEBALL),

@@ -40,6 +40,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
+        tongue: 0..0,
     };
     let view = View::about(&face, 17..48, SIZE, HALF_HEIGHT_M);
     let row = |frames: ArrayView3<'_, f32>| {

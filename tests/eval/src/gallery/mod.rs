@@ -158,6 +158,7 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
+        tongue: 0..0,
     };
     let row = cells.row(moved.view(), &map, scale);
     shown.picture = Some(album.picture(&file_stem(&subject.title), &row)?);

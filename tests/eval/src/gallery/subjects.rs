@@ -1,6 +1,6 @@
 //! The heads of a gallery: mesh files as artists make them, and faces whose true motion is known.
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
 use ndarray::{Array3, Axis};
 
@@ -23,6 +23,8 @@ pub(crate) struct Subject {
     pub mesh: Mesh,
     pub options: FaceOptions,
     pub truth: Option<Truth>,
+    /// Numbers of its vertices, where they are known.
+    pub tongue: Range<usize>,
 }
 
 /// True motion, mesh units.
@@ -50,6 +52,7 @@ pub(crate) fn of_seeds(weights: Option<&Path>, count: u64) -> Result<Vec<Subject
     let maker = HeadMaker::open(weights)?;
     let subject = |seed| {
         let head = maker.mesh(&maker.random(seed), true)?;
+        let tongue = head.objects.iter().find(|(name, _)| name == "tongue");
         Ok(Subject {
             title: format!("seed {seed}"),
             mesh: head.mesh,
@@ -58,6 +61,7 @@ pub(crate) fn of_seeds(weights: Option<&Path>, count: u64) -> Result<Vec<Subject
                 ..FaceOptions::default()
             },
             truth: None,
+            tongue: tongue.map_or(0..0, |(_, vertices)| vertices.clone()),
         })
     };
     (1..=count).map(subject).collect()
@@ -101,6 +105,7 @@ pub(crate) fn of_folder(folder: &Path) -> Result<Vec<Subject>> {
             mesh: Mesh::read(path)?,
             options: FaceOptions::default(),
             truth: None,
+            tongue: 0..0,
         })
     };
     paths.iter().map(subject).collect()
@@ -116,6 +121,7 @@ pub(crate) fn default_head(folder: &Path) -> Result<Subject> {
             ..FaceOptions::default()
         },
         truth: None,
+        tongue: 0..0,
     })
 }
 
@@ -129,6 +135,7 @@ pub(crate) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
             mesh: face.mesh.clone(),
             options: FaceOptions::default(),
             truth: face.truth.clone(),
+            tongue: 0..0,
         };
         let known = Subject {
             title: title("given"),
@@ -165,6 +172,7 @@ fn known_faces(data: &Path, expressions: &[Expression]) -> Result<Vec<Subject>> 
             mesh: face.mesh(&identity)?,
             options: face.options(),
             truth: Some(truth(&face, expressions)?),
+            tongue: 0..0,
         })
     });
     subjects.collect()
