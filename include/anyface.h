@@ -55,12 +55,15 @@
  * Options
  * -------
  *
- * Options are plain structs that may grow in later versions. Prepare them with their function,
- * then set what you need:
+ * A request says how the face shall speak. anyface_describe() lists what can be asked for:
  *
- *     AnyfaceMotionOptions options;
- *     anyface_motion_options_init(&options, sizeof options);
- *     options.fps = 25.0;
+ *     AnyfaceRequest *request = NULL;
+ *     anyface_request_new(&request, &error);
+ *     anyface_request_set_text(request, "emotion", "happy:0.7", &error);
+ *     anyface_request_set_number(request, "fps", 25.0, &error);
+ *
+ * Options of engines and faces are plain structs that may grow in later versions. Prepare them with
+ * their function, then set what you need.
  *
  * Threads
  * -------
@@ -71,8 +74,8 @@
  * made it, and fails with ANYFACE_STATUS_INVALID_INPUT in another.
  * The result does not depend on what else runs, nor on the number of threads. An AnyfaceProgress
  * may be read and cancelled from any thread while one job uses it. Only freeing needs care: an
- * object must not be freed while another thread uses it. An AnyfaceError and an AnyfaceStream belong
- * to one thread at a time.
+ * object must not be freed while another thread uses it. An AnyfaceError, an AnyfaceStream
+ * and an AnyfaceRequest that is being changed belong to one thread at a time.
  */
 
 
@@ -88,7 +91,7 @@
 /// Number `N` of face landmarks, in the order of iBUG 300-W.
 #define ANYFACE_LANDMARK_COUNT 68
 
-/// Number of emotion categories; `anyface_emotion_name()` gives their names.
+/// Number of emotion categories; `emotions` of `anyface_describe()` are their names.
 #define ANYFACE_EMOTION_COUNT 15
 
 /// Number of ARKit's shapes in a frame of `anyface_weight_stream_pull()`.
@@ -191,21 +194,6 @@ typedef enum {
     ANYFACE_LIDS_JOINED = 2,
 } AnyfaceLids;
 
-/// The source of a performance's emotion; for `AnyfaceMotionOptions`.
-typedef enum {
-    /// `emotion_strengths`; the default.
-    ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or none
-    /// where that is not certain.
-    ANYFACE_EMOTION_SOURCE_VOICE = 1,
-    /// No emotion, and no other motion that speech does not cause: no blinks, no motion of brows
-    /// and lids.
-    ANYFACE_EMOTION_SOURCE_OFF = 2,
-    /// Arousal: how excited the voice sounds, not which emotion it has. Glad, afraid and angry
-    /// voices all widen the eyes and raise the brows.
-    ANYFACE_EMOTION_SOURCE_AROUSAL = 3,
-} AnyfaceEmotionSource;
-
 /// An aspect of a take that can be scaled. At 1 the take stays as it was made.
 typedef enum {
     /// How far speech moves the mouth and the jaw: 0 to 2.
@@ -218,24 +206,6 @@ typedef enum {
     /// it to users: with emotion at e and blinks at b, set it to 1 - (1 - e) * (1 - b).
     ANYFACE_SLIDER_EMOTION_AND_BLINKS = 3,
 } AnyfaceSlider;
-
-/// The meaning of a control's numbers; for `AnyfaceControl`.
-typedef enum {
-    /// Any number within the range.
-    ANYFACE_CONTROL_VALUES_REAL = 0,
-    /// Whole numbers within the range.
-    ANYFACE_CONTROL_VALUES_WHOLE = 1,
-    /// The number of one of `choices`.
-    ANYFACE_CONTROL_VALUES_CHOICE = 2,
-} AnyfaceControlValues;
-
-/// The stage that a control changes; for `AnyfaceControl`.
-typedef enum {
-    /// A face: set it in `AnyfaceFaceOptions`.
-    ANYFACE_CONTROL_STAGE_FACE = 0,
-    /// A performance: set it in `AnyfaceMotionOptions`.
-    ANYFACE_CONTROL_STAGE_MOTION = 1,
-} AnyfaceControlStage;
 
 /// How much of a clip a viewer can see.
 typedef enum {
@@ -338,6 +308,12 @@ typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 /// cancelled.
 typedef struct AnyfaceProgress AnyfaceProgress;
 
+/// What is asked of a face and of a performance. `anyface_describe()` lists the names of fields and
+/// controls that a system obeys; whatever is not set has its default. One request may serve any
+/// number of faces and performances: a face reads the controls of the stage `face`, a performance
+/// everything else. No other call may use it while it is changed.
+typedef struct AnyfaceRequest AnyfaceRequest;
+
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
 /// number of threads may use it at the same time.
 typedef struct AnyfaceRig AnyfaceRig;
@@ -406,58 +382,6 @@ typedef struct {
     const char *emotion_model_dir;
 } AnyfaceEngineOptions;
 
-/// A setting that a system lets its user change. All texts live as long as the library is loaded.
-typedef struct {
-    /// Size in bytes of this struct in the caller's header.
-    size_t struct_size;
-    /// The name by which it is set, such as "blinks_per_minute".
-    const char *name;
-    /// The name to show to people.
-    const char *label;
-    /// One or two sentences of help.
-    const char *help;
-    /// The unit of its numbers: "s", "per_minute", or "".
-    const char *unit;
-    /// `[choice_count]`: the names of the choices; NULL if `values` is not a choice.
-    const char *const *choices;
-    /// Number of names in `choices`.
-    size_t choice_count;
-    /// An `AnyfaceControlValues`.
-    int32_t values;
-    /// An `AnyfaceControlStage`.
-    int32_t stage;
-    /// The least number.
-    float low;
-    /// The largest number.
-    float high;
-    /// The number that applies if a user sets none.
-    float default_value;
-    /// The number that leaves the motion as the system made it.
-    float neutral;
-    /// 1 if it may have keys over time, else 0.
-    int32_t animatable;
-    /// Always 0.
-    uint32_t reserved;
-} AnyfaceControl;
-
-/// The value of one control; `anyface_system_control()` lists the controls.
-typedef struct {
-    /// Its name, such as "articulation", UTF-8.
-    const char *name;
-    /// Its value, within the control's range. For a choice, the number of the chosen name.
-    float value;
-    /// Must be 0.
-    uint32_t reserved;
-    /// `[key_count]`: times in seconds, rising, at which the control has the values of
-    /// `key_values`. It changes linearly between keys and keeps the first or last value outside
-    /// them. NULL if it does not change over time.
-    const double *key_times_s;
-    /// `[key_count]`, within the control's range; NULL if it does not change over time.
-    const double *key_values;
-    /// Number of keys; 0 if the control does not change over time.
-    size_t key_count;
-} AnyfaceControlSetting;
-
 /// What is known about a face; prepare it with `anyface_face_options_init()`.
 ///
 /// Landmarks may be given as positions, as vertices, as both, or as JSON. Without any the library
@@ -481,11 +405,9 @@ typedef struct {
     int32_t forward;
     /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
     int32_t up;
-    /// `[control_count]`: controls of the system that act on a face, such as "learned". All others
-    /// have their defaults. These controls take no keys. NULL if none is set.
-    const AnyfaceControlSetting *controls;
-    /// Number of controls that are set.
-    size_t control_count;
+    /// The controls of the stage "face" that are set in it, such as "learned", act on the face. The
+    /// handle is used only until the call returns. NULL: all have their defaults.
+    const AnyfaceRequest *request;
     /// `[part_count]` numbers of the parts whose role the caller knows, as in
     /// `anyface_face_copy_parts()`; NULL if there are none. The library recognises all other parts
     /// by their shape and place.
@@ -533,68 +455,6 @@ typedef struct {
     /// close; otherwise 0.
     int32_t over_speech;
 } AnyfaceEvent;
-
-/// Options of a performance. Prepare them with `anyface_motion_options_init()`.
-typedef struct {
-    /// Size in bytes of this struct in the caller's header; set by `anyface_motion_options_init()`.
-    size_t struct_size;
-    /// `[emotion_count, ANYFACE_EMOTION_COUNT]`: strength of each emotion, 0 or more. Each row sums
-    /// to at most 1.5. NULL with a count of 0, the default, is neutral throughout.
-    const float *emotion_strengths;
-    /// `[emotion_count]`: the times of the rows, seconds, rising. Strengths are linear between the
-    /// rows and constant before the first and after the last. May be NULL if there is only one row,
-    /// which then applies throughout.
-    const double *emotion_times_s;
-    /// Number of rows.
-    size_t emotion_count;
-    /// Frames per second of the result, 1 to 240; default 30.
-    double fps;
-    /// The same seed gives the same motion; default 0. It determines blinks, brow accents, head,
-    /// gaze and variety, and the noise of models that sample with noise. The built-in one uses none.
-    uint64_t seed;
-    /// Name of the speaking style, UTF-8. NULL, the default, takes the model's own style.
-    const char *style;
-    /// An `AnyfaceEmotionSource`; default `ANYFACE_EMOTION_SOURCE_GIVEN`. With any other source,
-    /// `emotion_count` must be 0.
-    int32_t emotion_source;
-    /// Must be 0.
-    uint32_t reserved;
-    /// `[control_count]`: settings of the system's controls that act on a performance, such as
-    /// "articulation". All other controls have their defaults. May be NULL if there are none.
-    const AnyfaceControlSetting *controls;
-    /// Number of settings in `controls`.
-    size_t control_count;
-    /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are
-    /// together, in rising order. Only used if `has_closures` is 1; see
-    /// `anyface_sounds_copy_closures()`.
-    const double *closures_s;
-    /// Number of intervals. It must be 0 if `has_closures` is 0. If `has_closures` is 1, a count
-    /// of 0 means that the lips never close.
-    size_t closure_count;
-    /// 1: the lips close in these intervals. 0, the default: they close where that is heard.
-    int32_t has_closures;
-    /// Must be 0.
-    uint32_t reserved_2;
-    /// Events that the face has to show. The handle is used only until the call returns. NULL, the
-    /// default, means none. A system that cannot show events refuses them: see
-    /// `anyface_system_takes_events()`.
-    const AnyfaceEvents *events;
-    /// Another recording whose emotion the face shows. The handle is used only until the call
-    /// returns. NULL, the default, takes the voice itself. A system that does not hear emotion
-    /// refuses it: see `anyface_system_hears_emotion()`.
-    const AnyfaceAudio *emotion_of;
-    /// A motion of landmarks. The face and its tongue start in the pose of its last frame. The
-    /// handle is used only until the call returns. NULL, the default, starts at rest. A system that
-    /// cannot start from a pose refuses it: see `anyface_system_starts_from_pose()`.
-    const AnyfaceMotion *starts_from;
-    /// A recording in which the same person speaks neutrally, ten seconds or more. The handle is
-    /// used only until the call returns. The emotion of the voice is then heard as the difference
-    /// from this recording. NULL, the default, compares the voice with people reading aloud.
-    const AnyfaceAudio *neutral_voice;
-    /// The words that are spoken, UTF-8. Their places are found in the sound, and the mouth then shows
-    /// their sounds. NULL, the default, takes what is heard alone.
-    const char *text;
-} AnyfaceMotionOptions;
 
 /// Receives frames in order. A result other than 0 ends the job with `ANYFACE_STATUS_CANCELLED`.
 ///
@@ -897,7 +757,7 @@ AnyfaceStatus anyface_sounds_write(const AnyfaceSounds *sounds,
 size_t anyface_sounds_closure_count(const AnyfaceSounds *sounds);
 
 /// Copies the intervals in which the lips are together into the caller's buffer, in the form that
-/// `AnyfaceMotionOptions` takes.
+/// `anyface_request_set_rows()` takes for "closures".
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
@@ -933,47 +793,82 @@ int32_t anyface_sounds_label_closes_lips(const char *label);
 /// Frees sounds that no running call uses; nothing happens for NULL.
 void anyface_sounds_free(AnyfaceSounds *sounds);
 
-/// Number of systems that turn speech into motion. Number 0 is the default one.
-size_t anyface_system_count(void);
+/// The name by which `AnyfaceEngineOptions` selects a system: 0 is the default one. NULL after the
+/// last one. Lives as long as the library is loaded.
+const char *anyface_system_name(size_t index);
 
-/// The name by which `AnyfaceEngineOptions` selects a system. NULL for a number that is not below
-/// the count. It lives as long as the library is loaded.
-const char *anyface_system_name(size_t system);
-
-/// The name of a system to show to people. NULL and lifetime are as for `anyface_system_name()`.
-const char *anyface_system_label(size_t system);
-
-/// A sentence of help for a system. NULL and lifetime are as for `anyface_system_name()`.
-const char *anyface_system_help(size_t system);
-
-/// Number of controls that a system understands. 0 for a number that is not below the count.
-size_t anyface_system_control_count(size_t system);
-
-/// 1 if a system shows the events of `AnyfaceMotionOptions`, else 0. 0 for a number that is not
-/// below the count.
-int32_t anyface_system_takes_events(size_t system);
-
-/// 1 if a system hears emotion in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0. 0
-/// for a number that is not below the count.
-int32_t anyface_system_hears_emotion(size_t system);
-
-/// 1 if a system can start from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0. 0 for
-/// a number that is not below the count.
-int32_t anyface_system_starts_from_pose(size_t system);
-
-/// 1 if takes of a system have this `AnyfaceSlider`, else 0. 0 for an unknown system or slider.
-int32_t anyface_system_has_slider(size_t system, int32_t slider);
-
-/// Describes a control of a system. Controls are numbered in the order in which a panel shows them.
-/// `struct_size` is `sizeof *out`.
+/// Describes everything that can be asked of a system as a JSON object: `name`, `label` and `help`;
+/// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
+/// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
+/// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
+/// "choice"), `choices`, `stage` ("face", "motion"), `low`, `high`, `default`, `neutral` and
+/// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
+/// `words`, both for events.
 ///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `out` is NULL, or with
-/// `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or control, or for a size that no version
-/// had.
-AnyfaceStatus anyface_system_control(size_t system,
-                                     size_t control,
-                                     AnyfaceControl *out,
-                                     size_t struct_size);
+/// `system`: its name, UTF-8, or NULL for the default one. NULL for an unknown name. Lives as long as
+/// the library is loaded.
+const char *anyface_describe(const char *system);
+
+/// Makes a request that asks for nothing. Free with `anyface_request_free()`.
+AnyfaceStatus anyface_request_new(AnyfaceRequest **out, AnyfaceError **error);
+
+/// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
+/// "off") and "events" (`anyface_events_json()`), the seed, and controls that are a choice. An empty
+/// text asks for nothing.
+///
+/// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a
+/// field that takes something else, or for a text that it cannot read. The request is then as it was.
+AnyfaceStatus anyface_request_set_text(AnyfaceRequest *request,
+                                       const char *name,
+                                       const char *text,
+                                       AnyfaceError **error);
+
+/// Asks for a number: fields of the kind "number", and controls. For a control that is a choice, the
+/// number of the chosen name.
+///
+/// Fails like `anyface_request_set_text()`. The range of a control is checked when it is used.
+AnyfaceStatus anyface_request_set_number(AnyfaceRequest *request,
+                                         const char *name,
+                                         double number,
+                                         AnyfaceError **error);
+
+/// Asks for rows of numbers: fields of the kinds "emotion" (`column_count` is
+/// `ANYFACE_EMOTION_COUNT`, strengths of 0 or more, each row with a sum of at most 1.5) and
+/// "intervals" (2 columns: start and end, seconds, no times), and controls that change over time (1
+/// column).
+///
+/// `times_s`: `[row_count]`, seconds, rising: values are linear between the rows, and constant before
+/// the first and after the last. NULL for intervals and for a single row of an emotion.
+/// `values`: `[row_count, column_count]`. Both are copied.
+/// Fails like `anyface_request_set_text()`.
+AnyfaceStatus anyface_request_set_rows(AnyfaceRequest *request,
+                                       const char *name,
+                                       const double *times_s,
+                                       const double *values,
+                                       size_t row_count,
+                                       size_t column_count,
+                                       AnyfaceError **error);
+
+/// Asks for a field of the kind "sound". The sound is copied.
+///
+/// Fails like `anyface_request_set_text()`, and with `ANYFACE_STATUS_AUDIO` for a sound that is silent
+/// or too short.
+AnyfaceStatus anyface_request_set_sound(AnyfaceRequest *request,
+                                        const char *name,
+                                        const AnyfaceAudio *sound,
+                                        AnyfaceError **error);
+
+/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
+/// its tongue.
+///
+/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
+AnyfaceStatus anyface_request_set_motion(AnyfaceRequest *request,
+                                         const char *name,
+                                         const AnyfaceMotion *motion,
+                                         AnyfaceError **error);
+
+/// Frees a request that no running call uses; nothing happens for NULL.
+void anyface_request_free(AnyfaceRequest *request);
 
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
 ///
@@ -1155,22 +1050,15 @@ AnyfaceStatus anyface_opened_face_copy_landmarks(const AnyfaceOpenedFace *opened
 /// Frees an opened face that no running call uses; nothing happens for NULL.
 void anyface_opened_face_free(AnyfaceOpenedFace *opened);
 
-/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14). NULL if `index` is
-/// `ANYFACE_EMOTION_COUNT` or more. Lives as long as the library is loaded.
-const char *anyface_emotion_name(size_t index);
-
 /// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
 ///
-/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each emotion.
+/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each of the `emotions` of
+/// `anyface_describe()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, a strength below 0, or strengths
 /// whose sum is above 1.5.
 AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
-/// A word with fixed units, such as "smile" or "jaw drop", for a menu. NULL after the last one.
-/// Lives as long as the library is loaded.
-const char *anyface_expression_word(size_t index);
-
-/// Reads an expression: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// Reads an expression: units such as "12,6L", one of the `words` of `anyface_describe()` with a side
 /// anywhere in it, such as "left wink", or English words, such as "winks with the right eye". It
 /// may end in a strength, ":0.5". A "!" lets it override the speech.
 ///
@@ -1211,15 +1099,7 @@ const char *anyface_expression_hint(const AnyfaceExpression *expression);
 /// Frees an expression that no running call uses; nothing happens for NULL.
 void anyface_expression_free(AnyfaceExpression *expression);
 
-/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28". NULL after the
-/// last one. Lives as long as the library is loaded.
-const char *anyface_action_unit_name(size_t index);
-
-/// What an action unit does, such as "lip corner puller". Index and lifetime are as in
-/// `anyface_action_unit_name()`.
-const char *anyface_action_unit_label(size_t index);
-
-/// Makes events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+/// Makes events from arrays, which are copied; `anyface_events_json()` puts them into a request.
 ///
 /// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a
@@ -1262,20 +1142,15 @@ size_t anyface_events_count(const AnyfaceEvents *events);
 /// Frees events that no running call uses; nothing happens for NULL.
 void anyface_events_free(AnyfaceEvents *events);
 
-/// Sets every option to its default. `struct_size` is `sizeof *options`.
-///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER` if `options` is NULL, or with
-/// `ANYFACE_STATUS_INVALID_INPUT` for a size that no version had.
-AnyfaceStatus anyface_motion_options_init(AnyfaceMotionOptions *options, size_t struct_size);
-
 /// Turns speech into motion. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL. Free with `anyface_motion_free()`.
+/// `request` and `progress` may be NULL. Free with `anyface_motion_free()`.
 /// Fails with `ANYFACE_STATUS_AUDIO` for a sound too short to use, `ANYFACE_STATUS_INVALID_INPUT`
-/// for an option out of range, `ANYFACE_STATUS_CANCELLED`.
+/// for a control out of range or something that the system does not obey,
+/// `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
                                  const AnyfaceAudio *audio,
-                                 const AnyfaceMotionOptions *options,
+                                 const AnyfaceRequest *request,
                                  const AnyfaceProgress *progress,
                                  AnyfaceMotion **out,
                                  AnyfaceError **error);
@@ -1285,13 +1160,13 @@ AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
 ///
 /// Style, frame rate and everything else that the system samples with stay those of `motion`. If
 /// the models have learned emotion themselves (the built-in ones have not), the emotion that they
-/// show stays too. `options` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed
+/// show stays too. `request` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed
 /// first.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
-/// redone or cut from another one, or for an option out of range.
+/// redone or cut from another one, or for a control out of range.
 AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
                                        const AnyfaceMotion *motion,
-                                       const AnyfaceMotionOptions *options,
+                                       const AnyfaceRequest *request,
                                        AnyfaceMotion **out,
                                        AnyfaceError **error);
 
@@ -1301,8 +1176,7 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
 ///
 /// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed first.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
-/// redone or cut from another one, or for a system that does not separate emotion from speech (see
-/// `anyface_system_hears_emotion()`), and with `ANYFACE_STATUS_CANCELLED`.
+/// redone or cut from another one, or for a system that does not separate emotion from speech (the ability "emotion" of `anyface_describe()`), and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_motion_new_content(const AnyfaceEngine *engine,
                                          const AnyfaceMotion *motion,
                                          const AnyfaceProgress *progress,
@@ -1350,8 +1224,8 @@ AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
                                                AnyfaceMotion **out,
                                                AnyfaceError **error);
 
-/// Makes a motion of one frame from the pose of a face whose vertices are displaced. Pass it as
-/// `starts_from` of `AnyfaceMotionOptions`. The array is copied.
+/// Makes a motion of one frame from the pose of a face whose vertices are displaced. Pass it to
+/// `anyface_request_set_motion()` as "starts_from". The array is copied.
 ///
 /// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. The pose keeps
 /// the landmarks. If the face has a tongue that moves by itself, it also keeps the tongue's motion
@@ -1483,12 +1357,12 @@ AnyfaceStatus anyface_motion_copy_weights(const AnyfaceMotion *motion,
 /// Makes a clip from speech and a face: `anyface_motion_new()` and `anyface_clip_new()` in one
 /// call. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
+/// `request` and `progress` may be NULL. Free with `anyface_clip_free()`.
 /// Fails like those two functions.
 AnyfaceStatus anyface_engine_animate(const AnyfaceEngine *engine,
                                      const AnyfaceFace *face,
                                      const AnyfaceAudio *audio,
-                                     const AnyfaceMotionOptions *options,
+                                     const AnyfaceRequest *request,
                                      const AnyfaceProgress *progress,
                                      AnyfaceClip **out,
                                      AnyfaceError **error);

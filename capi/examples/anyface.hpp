@@ -29,6 +29,7 @@ using Audio = std::unique_ptr<AnyfaceAudio, Free<AnyfaceAudio, anyface_audio_fre
 using Face = std::unique_ptr<AnyfaceFace, Free<AnyfaceFace, anyface_face_free>>;
 using Motion = std::unique_ptr<AnyfaceMotion, Free<AnyfaceMotion, anyface_motion_free>>;
 using Clip = std::unique_ptr<AnyfaceClip, Free<AnyfaceClip, anyface_clip_free>>;
+using Request = std::unique_ptr<AnyfaceRequest, Free<AnyfaceRequest, anyface_request_free>>;
 using Progress = std::unique_ptr<AnyfaceProgress, Free<AnyfaceProgress, anyface_progress_free>>;
 
 /// Calls a function whose last parameter is the error; throws `Error` if it fails.

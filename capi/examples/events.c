@@ -48,16 +48,22 @@ static AnyfaceStatus perform(Run *run, const char *voice, AnyfaceError **error) 
     AnyfaceEngineOptions engine_options;
     anyface_engine_options_init(&engine_options, sizeof engine_options);
     engine_options.system = "cafe-talk"; /* the one that shows events */
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    options.events = run->events;
-    AnyfaceStatus status = anyface_engine_new(&engine_options, &run->engine, error);
+    AnyfaceRequest *request = NULL;
+    AnyfaceStatus status = anyface_request_new(&request, error);
+    if (status == ANYFACE_STATUS_OK) {
+        const char *events = anyface_events_json(run->events);
+        status = anyface_request_set_text(request, "events", events, error);
+    }
+    if (status == ANYFACE_STATUS_OK) {
+        status = anyface_engine_new(&engine_options, &run->engine, error);
+    }
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_audio_read(voice, &run->audio, error);
     }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_motion_new(run->engine, run->audio, &options, NULL, &run->motion, error);
+        status = anyface_motion_new(run->engine, run->audio, request, NULL, &run->motion, error);
     }
+    anyface_request_free(request);
     return status;
 }
 

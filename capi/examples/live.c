@@ -49,10 +49,10 @@ static AnyfaceStatus set_emotion(Live *live, const char *name, AnyfaceError **er
         return anyface_weight_stream_hear_emotion(live->stream, error);
     }
     float strengths[ANYFACE_EMOTION_COUNT] = {0};
-    for (size_t i = 0; i < ANYFACE_EMOTION_COUNT; i++) {
-        strengths[i] = strcmp(anyface_emotion_name(i), name) == 0 ? 1.0f : 0.0f;
-    }
-    return anyface_weight_stream_set_emotion(live->stream, strengths, error);
+    AnyfaceStatus status = anyface_emotion_parse(name, strengths, error);
+    return status == ANYFACE_STATUS_OK
+               ? anyface_weight_stream_set_emotion(live->stream, strengths, error)
+               : status;
 }
 
 /* Does what one word of the command line asks for. */

@@ -46,19 +46,24 @@ static AnyfaceStatus cut(Run *run, const char *path, double start_s, double seco
 }
 
 static AnyfaceStatus speak(Run *run, AnyfaceError **error) {
-    AnyfaceControlSetting wider = {.name = "articulation", .value = 1.3f};
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    options.seed = 1; /* other blinks, brows and looks */
-    options.controls = &wider;
-    options.control_count = 1;
-    AnyfaceStatus status = anyface_engine_new(NULL, &run->engine, error);
+    AnyfaceRequest *wider = NULL;
+    AnyfaceStatus status = anyface_request_new(&wider, error);
+    if (status == ANYFACE_STATUS_OK) {
+        status = anyface_request_set_number(wider, "articulation", 1.3, error);
+    }
+    if (status == ANYFACE_STATUS_OK) { /* other blinks, brows and looks */
+        status = anyface_request_set_number(wider, "seed", 1.0, error);
+    }
+    if (status == ANYFACE_STATUS_OK) {
+        status = anyface_engine_new(NULL, &run->engine, error);
+    }
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_motion_new(run->engine, run->line, NULL, NULL, &run->first, error);
     }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_motion_new_again(run->engine, run->first, &options, &run->again, error);
+        status = anyface_motion_new_again(run->engine, run->first, wider, &run->again, error);
     }
+    anyface_request_free(wider);
     if (status == ANYFACE_STATUS_OK) {
         double third_s = anyface_audio_duration_s(run->line) / 3.0;
         status = anyface_motion_new_redone(run->first, run->again, third_s, 2.0 * third_s, &run->mixed, error);

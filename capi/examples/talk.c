@@ -93,23 +93,20 @@ static AnyfaceStatus animate(Run *run, const char *emotion) {
     anyface_face_options_init(&face_options, sizeof face_options);
     face_options.landmark_json = run->landmark_json; /* NULL: the library finds them */
 
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    float strengths[ANYFACE_EMOTION_COUNT];
-    AnyfaceStatus status = ANYFACE_STATUS_OK;
-    if (emotion != NULL) {
-        status = anyface_emotion_parse(emotion, strengths, &error);
-        options.emotion_strengths = strengths;
-        options.emotion_count = 1;
+    AnyfaceRequest *request = NULL;
+    AnyfaceStatus status = anyface_request_new(&request, &error);
+    if (status == ANYFACE_STATUS_OK && emotion != NULL) {
+        status = anyface_request_set_text(request, "emotion", emotion, &error);
     }
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_face_new(run->engine, run->mesh, &face_options, run->progress, &run->face,
                                   &error);
     }
     if (status == ANYFACE_STATUS_OK) {
-        anyface_engine_animate(run->engine, run->face, run->audio, &options, run->progress, &run->clip,
+        anyface_engine_animate(run->engine, run->face, run->audio, request, run->progress, &run->clip,
                                &error);
     }
+    anyface_request_free(request);
     return report(error);
 }
 

@@ -68,15 +68,14 @@ anyface::Clip perform(const AnyfaceEngine *engine, const Arrays &arrays, const c
     std::vector<float> strengths(2 * ANYFACE_EMOTION_COUNT);
     anyface::call(anyface_emotion_parse, "calm:0.3", strengths.data());
     anyface::call(anyface_emotion_parse, "surprised:0.8", &strengths[ANYFACE_EMOTION_COUNT]);
+    const std::vector<double> rows(strengths.begin(), strengths.end());
     const double times_s[] = {0.0, 0.5};
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    options.emotion_strengths = strengths.data();
-    options.emotion_times_s = times_s;
-    options.emotion_count = 2;
-    options.fps = 25.0;
+    const auto request = anyface::make<anyface::Request>(anyface_request_new);
+    anyface::call(anyface_request_set_rows, request.get(), "emotion", times_s, rows.data(),
+                  std::size_t{2}, ANYFACE_EMOTION_COUNT);
+    anyface::call(anyface_request_set_number, request.get(), "fps", 25.0);
     return anyface::make<anyface::Clip>(anyface_engine_animate, engine, face.get(), audio.get(),
-                                        &options, progress);
+                                        request.get(), progress);
 }
 
 /// Between landmarks 62 and 66, the inner lips; mesh units.

@@ -20,12 +20,12 @@ use crate::{
     face::AnyfaceFace,
     guard,
     mesh::AnyfaceMesh,
-    motion::{AnyfaceMotion, AnyfaceMotionOptions},
+    motion::AnyfaceMotion,
     pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
+    request::AnyfaceRequest,
     rig::AnyfaceRig,
     status::AnyfaceStatus,
-    versioned_options,
 };
 
 /// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. They
@@ -180,21 +180,21 @@ pub(crate) fn followed<'a>(
 /// Makes a clip from speech and a face: `anyface_motion_new()` and `anyface_clip_new()` in one
 /// call. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL. Free with `anyface_clip_free()`.
+/// `request` and `progress` may be NULL. Free with `anyface_clip_free()`.
 /// Fails like those two functions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_animate(
     engine: *const AnyfaceEngine,
     face: *const AnyfaceFace,
     audio: *const AnyfaceAudio,
-    options: *const AnyfaceMotionOptions,
+    request: *const AnyfaceRequest,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceClip,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
         let (engine, face, audio) = handles!(engine, face, audio);
-        let request = unsafe { versioned_options::read(options)?.to_library() }?;
+        let request = unsafe { AnyfaceRequest::motion(request) };
         let animate = |watch: ProgressFn<'_>| {
             let performance = engine.0.perform(&audio.0, &request, watch)?;
             AnyfaceClip::spread(

@@ -1,8 +1,6 @@
-//! Emotions by name and by number.
+//! Emotions by name.
 
-use std::{ffi::CString, ptr::null, sync::LazyLock};
-
-use anyface::conditions::{EMOTIONS, Emotion};
+use anyface::conditions::Emotion;
 use libc::c_char;
 
 use crate::{
@@ -11,8 +9,6 @@ use crate::{
     status::AnyfaceStatus,
     version::ANYFACE_EMOTION_COUNT,
 };
-
-static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| EMOTIONS.map(pointer::c_text).into());
 
 /// Reads an emotion from its strengths, `[ANYFACE_EMOTION_COUNT]`.
 pub(crate) unsafe fn of_strengths(strengths: *const f32) -> Result<Emotion, Failure> {
@@ -23,16 +19,10 @@ pub(crate) unsafe fn of_strengths(strengths: *const f32) -> Result<Emotion, Fail
     Ok(Emotion::from_strengths(*row)?)
 }
 
-/// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14). NULL if `index` is
-/// `ANYFACE_EMOTION_COUNT` or more. Lives as long as the library is loaded.
-#[unsafe(no_mangle)]
-pub extern "C" fn anyface_emotion_name(index: usize) -> *const c_char {
-    guard::guard_or(null(), || pointer::lend(NAMES.get(index)))
-}
-
 /// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
 ///
-/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each emotion.
+/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each of the `emotions` of
+/// `anyface_describe()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, a strength below 0, or strengths
 /// whose sum is above 1.5.
 #[unsafe(no_mangle)]

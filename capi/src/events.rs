@@ -1,9 +1,9 @@
 //! Events: what a face does and when, for systems that support them.
 
-use std::{ffi::CString, ptr::null, sync::LazyLock};
+use std::ffi::CString;
 
 use anyface::{
-    conditions::{ACTION_UNITS, ActionUnit, Event, read_unit},
+    conditions::{Event, read_unit},
     text::events_to_json,
 };
 use libc::c_char;
@@ -42,38 +42,7 @@ pub struct AnyfaceEvents {
     json: CString,
 }
 
-struct Unit {
-    name: CString,
-    label: CString,
-}
-
-static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
-    let unit = |unit: &ActionUnit| Unit {
-        name: pointer::c_text(unit.name),
-        label: pointer::c_text(unit.label),
-    };
-    ACTION_UNITS.iter().map(unit).collect()
-});
-
-/// Number of an action unit that events may name, as text: "1", "2", "4" ... "28". NULL after the
-/// last one. Lives as long as the library is loaded.
-#[unsafe(no_mangle)]
-pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
-    guard::guard_or(null(), || {
-        pointer::lend(UNITS.get(index).map(|unit| &unit.name))
-    })
-}
-
-/// What an action unit does, such as "lip corner puller". Index and lifetime are as in
-/// `anyface_action_unit_name()`.
-#[unsafe(no_mangle)]
-pub extern "C" fn anyface_action_unit_label(index: usize) -> *const c_char {
-    guard::guard_or(null(), || {
-        pointer::lend(UNITS.get(index).map(|unit| &unit.label))
-    })
-}
-
-/// Makes events from arrays, which are copied; set them in `AnyfaceMotionOptions`.
+/// Makes events from arrays, which are copied; `anyface_events_json()` puts them into a request.
 ///
 /// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a
@@ -217,7 +186,11 @@ fn named(row: usize, failure: Failure) -> Failure {
 mod tests {
     use super::*;
     use crate::error::{anyface_error_free, anyface_error_message};
-    use std::{ffi::CStr, ptr::null_mut};
+    use anyface::conditions::ACTION_UNITS;
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
 
     unsafe fn make_events(events: &[AnyfaceEvent]) -> Result<*mut AnyfaceEvents, String> {
         let (mut out, mut error) = (null_mut(), null_mut());
@@ -309,19 +282,5 @@ mod tests {
         }
         let missing = of(|event| event.units = null());
         assert!(unsafe { make_events(&[missing]) }.is_err());
-    }
-
-    #[test]
-    fn units_have_names_and_labels() {
-        for (at, unit) in ACTION_UNITS.iter().enumerate() {
-            let name = unsafe { CStr::from_ptr(anyface_action_unit_name(at)) };
-            let label = unsafe { CStr::from_ptr(anyface_action_unit_label(at)) };
-            assert_eq!(
-                (name.to_str(), label.to_str()),
-                (Ok(unit.name), Ok(unit.label))
-            );
-        }
-        assert!(anyface_action_unit_name(ACTION_UNITS.len()).is_null());
-        assert!(anyface_action_unit_label(usize::MAX).is_null());
     }
 }

@@ -3,13 +3,12 @@
 use std::{
     ffi::CString,
     path::Path,
-    ptr::null,
-    sync::{Arc, LazyLock, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError},
 };
 
 use anyface::{
     Error,
-    conditions::{ACTION_UNITS, Expression, MENU},
+    conditions::{ACTION_UNITS, Expression},
     text::{Reader, check_length},
 };
 use libc::c_char;
@@ -22,9 +21,6 @@ use crate::{
 
 /// The reader that was used last. Only one is kept, because it may take half a gigabyte.
 static LAST: Mutex<Option<Arc<Reader>>> = Mutex::new(None);
-
-static WORDS: LazyLock<Vec<CString>> =
-    LazyLock::new(|| MENU.iter().map(|(name, _)| pointer::c_text(name)).collect());
 
 /// The reader of expressions that uses the models of a folder, or the built-in one.
 ///
@@ -75,14 +71,7 @@ impl AnyfaceExpression {
     }
 }
 
-/// A word with fixed units, such as "smile" or "jaw drop", for a menu. NULL after the last one.
-/// Lives as long as the library is loaded.
-#[unsafe(no_mangle)]
-pub extern "C" fn anyface_expression_word(index: usize) -> *const c_char {
-    guard::guard_or(null(), || pointer::lend(WORDS.get(index)))
-}
-
-/// Reads an expression: units such as "12,6L", a word of `anyface_expression_word()` with a side
+/// Reads an expression: units such as "12,6L", one of the `words` of `anyface_describe()` with a side
 /// anywhere in it, such as "left wink", or English words, such as "winks with the right eye". It
 /// may end in a strength, ":0.5". A "!" lets it override the speech.
 ///
@@ -173,7 +162,11 @@ pub unsafe extern "C" fn anyface_expression_free(expression: *mut AnyfaceExpress
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{ffi::CStr, ptr::null_mut};
+    use anyface::conditions::MENU;
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
 
     fn read(text: &str) -> (Vec<String>, f32, Option<String>) {
         let text = CString::new(text).unwrap();
@@ -210,23 +203,18 @@ mod tests {
             (vec!["6R".into(), "45R".into()], 0.5, None)
         );
         let mut expression = null_mut();
-        let menu = (0..)
-            .map(|at| anyface_expression_word(at))
-            .take_while(|word| !word.is_null());
-        for word in menu {
+        for (word, _) in MENU {
+            let word = pointer::c_text(word);
             unsafe {
-                let status = anyface_expression_new(null(), word, &mut expression, null_mut());
+                let status =
+                    anyface_expression_new(null(), word.as_ptr(), &mut expression, null_mut());
                 assert_eq!(status, AnyfaceStatus::Ok);
                 assert!(anyface_expression_unit_count(expression) > 0);
-                assert_eq!(
-                    CStr::from_ptr(anyface_expression_said(expression)),
-                    CStr::from_ptr(word)
-                );
+                assert_eq!(CStr::from_ptr(anyface_expression_said(expression)), &*word);
                 assert_eq!(anyface_expression_over_speech(expression), 0);
                 anyface_expression_free(expression);
             }
         }
-        assert_eq!(WORDS.len(), MENU.len());
     }
 
     #[test]

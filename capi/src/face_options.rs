@@ -12,12 +12,12 @@ use anyface::{
 use libc::c_char;
 
 use crate::{
-    controls::{self, AnyfaceControlSetting},
     engine::AnyfaceEngine,
     error::Failure,
     mesh::AnyfaceMesh,
     pointer,
     progress::{AnyfaceProgress, watched},
+    request::AnyfaceRequest,
     status::AnyfaceStatus,
     versioned_options::{self, Versioned},
 };
@@ -96,11 +96,9 @@ pub struct AnyfaceFaceOptions {
     pub forward: i32,
     /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
     pub up: i32,
-    /// `[control_count]`: controls of the system that act on a face, such as "learned". All others
-    /// have their defaults. These controls take no keys. NULL if none is set.
-    pub controls: *const AnyfaceControlSetting,
-    /// Number of controls that are set.
-    pub control_count: usize,
+    /// The controls of the stage "face" that are set in it, such as "learned", act on the face. The
+    /// handle is used only until the call returns. NULL: all have their defaults.
+    pub request: *const AnyfaceRequest,
     /// `[part_count]` numbers of the parts whose role the caller knows, as in
     /// `anyface_face_copy_parts()`; NULL if there are none. The library recognises all other parts
     /// by their shape and place.
@@ -161,7 +159,7 @@ impl AnyfaceFaceOptions {
             fixed: unsafe { fixed(&self) }?,
             forward,
             up,
-            controls: unsafe { controls::read(self.controls, self.control_count) }?,
+            controls: unsafe { AnyfaceRequest::face_controls(self.request) },
             parts: unsafe { parts(&self) }?,
             ..FaceOptions::default()
         })

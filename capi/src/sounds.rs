@@ -244,7 +244,7 @@ pub unsafe extern "C" fn anyface_sounds_closure_count(sounds: *const AnyfaceSoun
 }
 
 /// Copies the intervals in which the lips are together into the caller's buffer, in the form that
-/// `AnyfaceMotionOptions` takes.
+/// `anyface_request_set_rows()` takes for "closures".
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.

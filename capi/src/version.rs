@@ -10,7 +10,7 @@ pub const ANYFACE_ABI_VERSION: u32 = 1;
 /// Number `N` of face landmarks, in the order of iBUG 300-W.
 pub const ANYFACE_LANDMARK_COUNT: usize = 68;
 
-/// Number of emotion categories; `anyface_emotion_name()` gives their names.
+/// Number of emotion categories; `emotions` of `anyface_describe()` are their names.
 pub const ANYFACE_EMOTION_COUNT: usize = 15;
 
 const VERSION: &CStr =

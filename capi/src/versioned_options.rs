@@ -65,18 +65,7 @@ pub(crate) unsafe fn read<T: Versioned>(options: *const T) -> Result<T, Failure>
 /// # Safety
 /// `options` is NULL or valid for writes of `struct_size` bytes.
 pub(crate) unsafe fn init<T: Versioned>(options: *mut T, struct_size: usize) -> AnyfaceStatus {
-    unsafe { write(T::defaults(), options, struct_size) }
-}
-
-/// Writes `known` into the caller's struct of `struct_size` bytes.
-///
-/// # Safety
-/// As [`init`].
-pub(crate) unsafe fn write<T: Versioned>(
-    known: T,
-    options: *mut T,
-    struct_size: usize,
-) -> AnyfaceStatus {
+    let known = T::defaults();
     if options.is_null() {
         return AnyfaceStatus::NullPointer;
     }

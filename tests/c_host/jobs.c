@@ -23,17 +23,16 @@ typedef struct {
 
 static void *work(void *argument) {
     Job *job = argument;
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    float strengths[ANYFACE_EMOTION_COUNT] = {0};
+    AnyfaceRequest *request = NULL;
+    double strengths[ANYFACE_EMOTION_COUNT] = {0};
     strengths[1] = job->happy;
-    options.emotion_strengths = strengths;
-    options.emotion_count = 1;
-    AnyfaceControlSetting two_steps = {.name = "steps", .value = 2.0f};
-    options.controls = &two_steps;
-    options.control_count = 1;
-    job->status = anyface_engine_animate(job->engine, job->face, job->audio, &options, NULL,
+    CHECK(anyface_request_new(&request, NULL) == ANYFACE_STATUS_OK);
+    CHECK(anyface_request_set_rows(request, "emotion", NULL, strengths, 1, ANYFACE_EMOTION_COUNT,
+                                   NULL) == ANYFACE_STATUS_OK);
+    CHECK(anyface_request_set_number(request, "steps", 2.0, NULL) == ANYFACE_STATUS_OK);
+    job->status = anyface_engine_animate(job->engine, job->face, job->audio, request, NULL,
                                          &job->clip, NULL);
+    anyface_request_free(request);
     return NULL;
 }
 
@@ -290,20 +289,15 @@ static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, co
 /* The same speech with other controls, without sampling again: bit for bit a new run with them. */
 static void performed_again(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     const double times[2] = {0.2, 0.8}, values[2] = {0.5, 1.5};
-    const AnyfaceControlSetting settings[2] = {
-        {.name = "articulation", .value = 1.0f, .key_times_s = times, .key_values = values,
-         .key_count = 2},
-        {.name = "blinks_per_minute", .value = 0.0f},
-    };
-    AnyfaceMotionOptions plain, asked;
-    anyface_motion_options_init(&plain, sizeof plain);
-    asked = plain;
-    asked.controls = settings;
-    asked.control_count = 2;
+    AnyfaceRequest *asked = NULL;
+    CHECK_OK(anyface_request_new(&asked, &error));
+    CHECK_OK(anyface_request_set_rows(asked, "articulation", times, values, 2, 1, &error));
+    CHECK_OK(anyface_request_set_number(asked, "blinks_per_minute", 0.0, &error));
     AnyfaceMotion *first = NULL, *again = NULL, *anew = NULL;
-    CHECK_OK(anyface_motion_new(engine, audio, &plain, NULL, &first, &error));
-    CHECK_OK(anyface_motion_new(engine, audio, &asked, NULL, &anew, &error));
-    CHECK_OK(anyface_motion_new_again(engine, first, &asked, &again, &error));
+    CHECK_OK(anyface_motion_new(engine, audio, NULL, NULL, &first, &error));
+    CHECK_OK(anyface_motion_new(engine, audio, asked, NULL, &anew, &error));
+    CHECK_OK(anyface_motion_new_again(engine, first, asked, &again, &error));
+    anyface_request_free(asked);
     size_t count = anyface_motion_frame_count(first) * 3 * ANYFACE_LANDMARK_COUNT;
     float *moved = malloc(3 * count * sizeof *moved);
     CHECK(moved != NULL && anyface_motion_frame_count(again) == anyface_motion_frame_count(anew));
@@ -328,18 +322,15 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     CHECK(times != NULL);
     CHECK_OK(anyface_sounds_copy_closures(heard, times, 2 * closures, &error));
     const double own[2] = {0.15, 0.35};
-    AnyfaceMotionOptions plain, same, other;
-    anyface_motion_options_init(&plain, sizeof plain);
-    same = other = plain;
-    same.has_closures = other.has_closures = 1;
-    same.closures_s = times;
-    same.closure_count = closures;
-    other.closures_s = own;
-    other.closure_count = 1;
+    AnyfaceRequest *same = NULL, *other = NULL;
+    CHECK_OK(anyface_request_new(&same, &error));
+    CHECK_OK(anyface_request_new(&other, &error));
+    CHECK_OK(anyface_request_set_rows(same, "closures", NULL, times, closures, 2, &error));
+    CHECK_OK(anyface_request_set_rows(other, "closures", NULL, own, 1, 2, &error));
     AnyfaceMotion *motions[4] = {NULL, NULL, NULL, NULL};
-    CHECK_OK(anyface_motion_new(engine, audio, &plain, NULL, &motions[0], &error));
-    CHECK_OK(anyface_motion_new(engine, audio, &same, NULL, &motions[1], &error));
-    CHECK_OK(anyface_motion_new(engine, audio, &other, NULL, &motions[2], &error));
+    CHECK_OK(anyface_motion_new(engine, audio, NULL, NULL, &motions[0], &error));
+    CHECK_OK(anyface_motion_new(engine, audio, same, NULL, &motions[1], &error));
+    CHECK_OK(anyface_motion_new(engine, audio, other, NULL, &motions[2], &error));
     CHECK_OK(anyface_motion_new_redone(motions[0], motions[2], 0.1, 0.4, &motions[3], &error));
     size_t frame = 3 * ANYFACE_LANDMARK_COUNT, count = anyface_motion_frame_count(motions[0]) * frame;
     float *moved = malloc(4 * count * sizeof *moved);
@@ -354,9 +345,8 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     AnyfaceMotion *none = NULL;
     CHECK_FAILS(anyface_motion_new_redone(motions[0], motions[2], 0.4, 0.1, &none, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "after the start");
-    plain.closure_count = 1;
-    CHECK_FAILS(anyface_motion_new(engine, audio, &plain, NULL, &none, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "has_closures");
+    anyface_request_free(same);
+    anyface_request_free(other);
     free(moved);
     free(times);
     for (int i = 0; i < 4; ++i)

@@ -9,14 +9,13 @@ static AnyfaceError *error = NULL;
 
 static AnyfaceMotion *spoken(const AnyfaceEngine *engine, const AnyfaceAudio *audio, float head,
                              float gaze) {
-    AnyfaceControlSetting settings[2] = {{.name = "head_motion", .value = head},
-                                         {.name = "gaze", .value = gaze}};
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    options.controls = settings;
-    options.control_count = 2;
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_number(request, "head_motion", (double)head, &error));
+    CHECK_OK(anyface_request_set_number(request, "gaze", (double)gaze, &error));
     AnyfaceMotion *motion = NULL;
-    CHECK_OK(anyface_motion_new(engine, audio, &options, NULL, &motion, &error));
+    CHECK_OK(anyface_motion_new(engine, audio, request, NULL, &motion, &error));
+    anyface_request_free(request);
     return motion;
 }
 
@@ -81,15 +80,14 @@ int main(int argc, char **argv) {
     wrong_calls(motion);
     CHECK_OK(anyface_motion_write(motion, argv[2], &error));
 
-    AnyfaceMotionOptions still;
-    anyface_motion_options_init(&still, sizeof still);
-    AnyfaceControlSetting off[3] = {{.name = "head_motion", .value = 0.0f},
-                                    {.name = "gaze", .value = 0.0f},
-                                    {.name = "articulation", .value = 0.0f}};
-    still.controls = off;
-    still.control_count = 3;
+    AnyfaceRequest *still = NULL;
+    CHECK_OK(anyface_request_new(&still, &error));
+    CHECK_OK(anyface_request_set_number(still, "head_motion", 0.0, &error));
+    CHECK_OK(anyface_request_set_number(still, "gaze", 0.0, &error));
+    CHECK_OK(anyface_request_set_number(still, "articulation", 0.0, &error));
     AnyfaceMotion *again = NULL;
-    CHECK_OK(anyface_motion_new_again(engine, motion, &still, &again, &error));
+    CHECK_OK(anyface_motion_new_again(engine, motion, still, &again, &error));
+    anyface_request_free(still);
     angles(again, &head, &gaze);
     CHECK(head == 0.0f && gaze == 0.0f && tongue(again) == 0.0f);
     anyface_motion_free(again);

@@ -30,17 +30,13 @@ static void free_take(Take take) {
 
 static Take happy(const AnyfaceEngine *engine, const AnyfaceFace *face,
                   const AnyfaceAudio *audio) {
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    float strengths[ANYFACE_EMOTION_COUNT] = {0};
-    strengths[1] = 0.8f;
-    options.emotion_strengths = strengths;
-    options.emotion_count = 1;
-    AnyfaceControlSetting no_blinks = {.name = "blinks_per_minute", .value = 0.0f};
-    options.controls = &no_blinks;
-    options.control_count = 1;
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "emotion", "happy:0.8", &error));
+    CHECK_OK(anyface_request_set_number(request, "blinks_per_minute", 0.0, &error));
     AnyfaceMotion *motion = NULL;
-    CHECK_OK(anyface_motion_new(engine, audio, &options, NULL, &motion, &error));
+    CHECK_OK(anyface_motion_new(engine, audio, request, NULL, &motion, &error));
+    anyface_request_free(request);
     return take_of(engine, face, motion);
 }
 

@@ -46,7 +46,7 @@ int main(int argc, char **argv) {
     pthread_attr_t little;
     CHECK(pthread_attr_init(&little) == 0);
     CHECK(pthread_attr_setstacksize(&little, STACK_BYTES) == 0);
-    for (size_t i = 0; i < anyface_system_count(); i++) {
+    for (size_t i = 0; anyface_system_name(i) != NULL; i++) {
         Files files = {anyface_system_name(i), argv[1], argv[2]};
         pthread_t thread;
         CHECK(pthread_create(&thread, &little, talk, &files) == 0);

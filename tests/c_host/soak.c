@@ -36,6 +36,7 @@ static AnyfaceMotion *motions[SLOTS];
 static AnyfaceClip *clips[SLOTS];
 static AnyfaceStream *streams[SLOTS];
 static AnyfaceEvents *events[SLOTS];
+static AnyfaceRequest *requests[SLOTS];
 
 static const char *head, *voice;
 static const char *landmarks;
@@ -93,8 +94,8 @@ static size_t some(const void *const *pool) {
 static void remake_engine(void) {
     AnyfaceEngineOptions options;
     CHECK(anyface_engine_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
-    size_t system = draw(anyface_system_count() + 1);
-    options.system = system < anyface_system_count() ? anyface_system_name(system) : "nobody";
+    const char *system = anyface_system_name(draw(5));
+    options.system = system != NULL ? system : "nobody";
     options.threads = (uint32_t)draw(4);
     options.cache = ANYFACE_CACHE_OFF;
     size_t at = draw(SLOTS);
@@ -150,9 +151,7 @@ static void remake_face(void) {
     AnyfaceFaceOptions options;
     CHECK(anyface_face_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
     options.landmark_json = one_in(8) ? "[[1, 2, 3]]" : landmarks;
-    AnyfaceControlSetting learned = {.name = one_in(9) ? "nothing" : "learned", .value = number()};
-    options.controls = &learned;
-    options.control_count = draw(2);
+    options.request = one_in(2) ? ANY(requests) : NULL;
     int left = (int)draw(12);
     AnyfaceProgress *progress = one_in(3) ? anyface_progress_new(stop_at, &left) : NULL;
     size_t at = draw(SLOTS);
@@ -169,30 +168,56 @@ static void remake_events(void) {
            anyface_events_from_text(NULL, texts[draw(6)], &events[at], &error));
 }
 
+/* Asks for one thing more, of which much is refused. */
+static void ask(AnyfaceRequest *request) {
+    static const char *const names[] = {"articulation", "head_motion", "learned", "none", "steps",
+                                        "fps", "seed", "emotion", "emotion_of", "neutral_voice",
+                                        "closures", "events", "starts_from", "style", "text"};
+    static const char *const texts[] = {"happy:0.7", "auto", "off", "", "a b c", "paper", "7"};
+    const char *name = names[draw(sizeof names / sizeof *names)];
+    double rows[2 * ANYFACE_EMOTION_COUNT] = {0}, times[2] = {0.0, one_in(6) ? NAN : 0.2};
+    rows[draw(2 * ANYFACE_EMOTION_COUNT)] = (double)number();
+    static const size_t columns[] = {1, 2, ANYFACE_EMOTION_COUNT};
+    AnyfaceStatus status = ANYFACE_STATUS_OK;
+    switch (draw(5)) {
+    case 0:
+        status = anyface_request_set_number(request, name, (double)number(), &error);
+        break;
+    case 1:
+        status = anyface_request_set_rows(request, name, one_in(2) ? times : NULL, rows, draw(3),
+                                          columns[draw(3)], &error);
+        break;
+    case 2:
+        status = anyface_request_set_sound(request, name, ANY(sounds), &error);
+        break;
+    case 3:
+        status = anyface_request_set_motion(request, name, ANY(motions), &error);
+        break;
+    default: {
+        const AnyfaceEvents *rows_of_text = ANY(events);
+        const char *json = rows_of_text != NULL ? anyface_events_json(rows_of_text) : "[]";
+        const char *text = one_in(4) ? json : texts[draw(sizeof texts / sizeof *texts)];
+        status = anyface_request_set_text(request, name, text, &error);
+    }
+    }
+    outcome(status, status == ANYFACE_STATUS_OK);
+}
+
+static void remake_request(void) {
+    size_t at = draw(SLOTS);
+    REMAKE(requests[at], anyface_request_free, anyface_request_new(&requests[at], &error));
+    for (size_t count = draw(4); count > 0; count--) {
+        ask(requests[at]);
+    }
+}
+
 static void remake_motion(void) {
-    AnyfaceMotionOptions options;
-    CHECK(anyface_motion_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
-    float strengths[2 * ANYFACE_EMOTION_COUNT] = {0};
-    double times[2] = {0.0, one_in(6) ? NAN : 0.2};
-    strengths[draw(2 * ANYFACE_EMOTION_COUNT)] = number();
-    options.emotion_strengths = strengths;
-    options.emotion_times_s = times;
-    options.emotion_count = draw(3);
-    options.fps = one_in(8) ? (double)number() * 200.0 : 30.0;
-    options.emotion_source = (int32_t)draw(5);
-    static const char *const names[] = {"articulation", "head_motion", "blinks", "none", "steps"};
-    AnyfaceControlSetting setting = {.name = names[draw(5)], .value = number()};
-    options.controls = &setting;
-    options.control_count = draw(2);
-    options.events = one_in(4) ? ANY(events) : NULL;
-    options.emotion_of = one_in(6) ? ANY(sounds) : NULL;
-    options.neutral_voice = one_in(6) ? ANY(sounds) : NULL;
-    options.starts_from = NULL;
+    const AnyfaceRequest *request = one_in(3) ? NULL : ANY(requests);
     int left = (int)draw(20);
     AnyfaceProgress *progress = one_in(3) ? anyface_progress_new(stop_at, &left) : NULL;
     size_t at = draw(SLOTS);
     REMAKE(motions[at], anyface_motion_free,
-           anyface_motion_new(ANY(engines), ANY(sounds), &options, progress, &motions[at], &error));
+           anyface_motion_new(ANY(engines), ANY(sounds), request, progress, &motions[at], &error));
     anyface_progress_free(progress);
 }
 
@@ -295,11 +320,13 @@ static void free_all(void) {
         anyface_clip_free(clips[i]);
         anyface_motion_free(motions[i]);
         anyface_events_free(events[i]);
+        anyface_request_free(requests[i]);
         anyface_face_free(faces[i]);
         anyface_audio_free(sounds[i]);
         anyface_mesh_free(meshes[i]);
         anyface_engine_free(engines[i]);
         streams[i] = NULL, clips[i] = NULL, motions[i] = NULL, events[i] = NULL;
+        requests[i] = NULL;
         faces[i] = NULL, sounds[i] = NULL, meshes[i] = NULL, engines[i] = NULL;
     }
 }
@@ -312,8 +339,9 @@ int main(int argc, char **argv) {
     }
     static void (*const calls[])(void) = {
         remake_mesh,   remake_sound, remake_sound, remake_face, remake_face,
-        remake_events, remake_motion, remake_motion, remake_motion, remake_clip,
-        remake_clip,   stream_clip,  use_stream,   use_stream,
+        remake_events, remake_request, remake_request, remake_motion, remake_motion,
+        remake_motion, remake_clip,    remake_clip,    stream_clip,   use_stream,
+        use_stream,
     };
     CHECK(argc == 6);
     head = argv[1];

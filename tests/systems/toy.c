@@ -24,13 +24,12 @@ int main(int argc, char **argv) {
     face_options.landmark_json = read_text(argv[2]);
     AnyfaceFace *face = NULL;
     CHECK_OK(anyface_face_new(engine, mesh, &face_options, NULL, &face, &error));
-    const AnyfaceControlSetting drop = {.name = "drop_mm", .value = 20.0f};
-    AnyfaceMotionOptions options;
-    anyface_motion_options_init(&options, sizeof options);
-    options.controls = &drop;
-    options.control_count = 1;
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_number(request, "drop_mm", 20.0, &error));
     AnyfaceClip *clip = NULL;
-    CHECK_OK(anyface_engine_animate(engine, face, audio, &options, NULL, &clip, &error));
+    CHECK_OK(anyface_engine_animate(engine, face, audio, request, NULL, &clip, &error));
+    anyface_request_free(request);
     printf("%.6g\n", (double)anyface_clip_largest_displacement(clip));
     anyface_clip_free(clip);
     anyface_face_free(face);

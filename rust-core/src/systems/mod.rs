@@ -13,12 +13,16 @@ pub mod facetalk;
 #[cfg(feature = "freetalk")]
 pub mod freetalk;
 
+mod describe;
+mod fields;
 mod slider;
 mod system;
 mod windows;
 
 use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, speech, text};
 
+pub use describe::describe;
+pub use fields::{FIELDS, Field, FieldKind, FieldValue, set_field};
 pub use slider::Slider;
 pub use system::{Ability, Description, EmotionMask, Registration, Sampled, System};
 pub use windows::Windows;

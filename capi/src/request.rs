@@ -1,0 +1,375 @@
+//! What is asked of a face and of a performance, by name.
+
+use std::{ffi::CString, ptr::null, sync::LazyLock};
+
+use anyface::{
+    MotionRequest,
+    conditions::{ControlStage, Controls},
+    motion::Pose,
+    systems::{FieldValue, SYSTEMS, describe, set_field},
+};
+use libc::c_char;
+use ndarray::ArrayView2;
+
+use crate::{
+    audio::AnyfaceAudio,
+    error::{AnyfaceError, Failure},
+    guard,
+    motion::AnyfaceMotion,
+    pointer,
+    status::AnyfaceStatus,
+};
+
+/// What is asked of a face and of a performance. `anyface_describe()` lists the names of fields and
+/// controls that a system obeys; whatever is not set has its default. One request may serve any
+/// number of faces and performances: a face reads the controls of the stage `face`, a performance
+/// everything else. No other call may use it while it is changed.
+#[derive(Clone, Default)]
+pub struct AnyfaceRequest(MotionRequest);
+
+impl AnyfaceRequest {
+    /// The request of a performance. NULL asks for nothing.
+    ///
+    /// # Safety
+    /// `request` is NULL or a request that is neither freed nor changed during the call.
+    pub(crate) unsafe fn motion(request: *const AnyfaceRequest) -> MotionRequest {
+        let Some(AnyfaceRequest(asked)) = (unsafe { request.as_ref() }) else {
+            return MotionRequest::default();
+        };
+        MotionRequest {
+            controls: of_stage(&asked.controls, ControlStage::Motion),
+            ..asked.clone()
+        }
+    }
+
+    /// The controls of a face. NULL asks for nothing.
+    ///
+    /// # Safety
+    /// As [`AnyfaceRequest::motion`].
+    pub(crate) unsafe fn face_controls(request: *const AnyfaceRequest) -> Controls {
+        match unsafe { request.as_ref() } {
+            Some(AnyfaceRequest(asked)) => of_stage(&asked.controls, ControlStage::Face),
+            None => Controls::default(),
+        }
+    }
+
+    /// # Safety
+    /// As for the functions below.
+    unsafe fn set(
+        request: *mut AnyfaceRequest,
+        name: *const c_char,
+        error: *mut *mut AnyfaceError,
+        value: impl FnOnce() -> Result<FieldValue<'static>, Failure>,
+    ) -> AnyfaceStatus {
+        let work = || {
+            let request = unsafe { pointer::handle_mut("request", request) }?;
+            let name = unsafe { pointer::text("name", name) }?;
+            // A refusal leaves the request as it was.
+            let mut asked = request.0.clone();
+            set_field(&mut asked, name, value()?)?;
+            request.0 = asked;
+            Ok(())
+        };
+        unsafe { guard::guard(error, work) }
+    }
+}
+
+fn of_stage(controls: &Controls, stage: ControlStage) -> Controls {
+    let known = SYSTEMS.iter().flat_map(|system| system.controls());
+    controls.among(known.filter(|control| control.stage == stage))
+}
+
+static DESCRIPTIONS: LazyLock<Vec<(CString, CString)>> = LazyLock::new(|| {
+    let described = |system: &&_| {
+        let text = describe(system);
+        (pointer::c_text(system.name), pointer::c_text(&text))
+    };
+    SYSTEMS.iter().map(described).collect()
+});
+
+/// The name by which `AnyfaceEngineOptions` selects a system: 0 is the default one. NULL after the
+/// last one. Lives as long as the library is loaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
+    guard::guard_or(null(), || {
+        pointer::lend(DESCRIPTIONS.get(index).map(|(name, _)| name))
+    })
+}
+
+/// Describes everything that can be asked of a system as a JSON object: `name`, `label` and `help`;
+/// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
+/// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
+/// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
+/// "choice"), `choices`, `stage` ("face", "motion"), `low`, `high`, `default`, `neutral` and
+/// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
+/// `words`, both for events.
+///
+/// `system`: its name, UTF-8, or NULL for the default one. NULL for an unknown name. Lives as long as
+/// the library is loaded.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_describe(system: *const c_char) -> *const c_char {
+    guard::guard_or(null(), || {
+        let name = unsafe { pointer::optional_text("system", system) };
+        let described = match name {
+            Ok(None) => DESCRIPTIONS.first(),
+            Ok(Some(name)) => DESCRIPTIONS
+                .iter()
+                .find(|(known, _)| known.to_bytes() == name.as_bytes()),
+            Err(_) => None,
+        };
+        pointer::lend(described.map(|(_, text)| text))
+    })
+}
+
+/// Makes a request that asks for nothing. Free with `anyface_request_free()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_new(
+    out: *mut *mut AnyfaceRequest,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe { guard::give(out, error, || Ok(AnyfaceRequest::default())) }
+}
+
+/// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
+/// "off") and "events" (`anyface_events_json()`), the seed, and controls that are a choice. An empty
+/// text asks for nothing.
+///
+/// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a
+/// field that takes something else, or for a text that it cannot read. The request is then as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_text(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    text: *const c_char,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe {
+        AnyfaceRequest::set(request, name, error, || {
+            Ok(FieldValue::Text(pointer::text("text", text)?))
+        })
+    }
+}
+
+/// Asks for a number: fields of the kind "number", and controls. For a control that is a choice, the
+/// number of the chosen name.
+///
+/// Fails like `anyface_request_set_text()`. The range of a control is checked when it is used.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_number(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    number: f64,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe { AnyfaceRequest::set(request, name, error, || Ok(FieldValue::Number(number))) }
+}
+
+/// Asks for rows of numbers: fields of the kinds "emotion" (`column_count` is
+/// `ANYFACE_EMOTION_COUNT`, strengths of 0 or more, each row with a sum of at most 1.5) and
+/// "intervals" (2 columns: start and end, seconds, no times), and controls that change over time (1
+/// column).
+///
+/// `times_s`: `[row_count]`, seconds, rising: values are linear between the rows, and constant before
+/// the first and after the last. NULL for intervals and for a single row of an emotion.
+/// `values`: `[row_count, column_count]`. Both are copied.
+/// Fails like `anyface_request_set_text()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_rows(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    times_s: *const f64,
+    values: *const f64,
+    row_count: usize,
+    column_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let rows = || {
+        let values = unsafe { pointer::slice("values", values, row_count, column_count) }?;
+        let rows = ArrayView2::from_shape((row_count, column_count), values).map_err(|_| {
+            Failure::invalid("values: expected row_count times column_count numbers")
+        })?;
+        let times_s = if times_s.is_null() {
+            None
+        } else {
+            Some(unsafe { pointer::slice("times_s", times_s, row_count, 1) }?)
+        };
+        Ok(FieldValue::Rows(times_s, rows))
+    };
+    unsafe { AnyfaceRequest::set(request, name, error, rows) }
+}
+
+/// Asks for a field of the kind "sound". The sound is copied.
+///
+/// Fails like `anyface_request_set_text()`, and with `ANYFACE_STATUS_AUDIO` for a sound that is silent
+/// or too short.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_sound(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    sound: *const AnyfaceAudio,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe {
+        AnyfaceRequest::set(request, name, error, || {
+            Ok(FieldValue::Sound(&pointer::handle("sound", sound)?.0))
+        })
+    }
+}
+
+/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
+/// its tongue.
+///
+/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_motion(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    motion: *const AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe {
+        AnyfaceRequest::set(request, name, error, || {
+            Ok(FieldValue::Pose(last_pose(pointer::handle(
+                "motion", motion,
+            )?)?))
+        })
+    }
+}
+
+fn last_pose(whole: &AnyfaceMotion) -> Result<Pose, Failure> {
+    let motion = whole.motion();
+    let clip = motion.landmarks();
+    let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
+    let last = last.zip(whole.life().tongue.outer_iter().last());
+    let (landmarks, tongue) = last.ok_or_else(|| {
+        let (frames, kind) = (motion.frames(), motion.kind());
+        Failure::invalid(format!(
+            "motion: expected frames of landmarks, got {frames} of {kind}"
+        ))
+    })?;
+    Ok(Pose::of_frame(landmarks, tongue))
+}
+
+/// Frees a request that no running call uses; nothing happens for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_free(request: *mut AnyfaceRequest) {
+    unsafe { guard::free(request) }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
+
+    const OK: AnyfaceStatus = AnyfaceStatus::Ok;
+
+    /// A request with one number.
+    pub(crate) fn with_number(name: &CStr, number: f64) -> AnyfaceRequest {
+        let mut request = AnyfaceRequest::default();
+        let status =
+            unsafe { anyface_request_set_number(&mut request, name.as_ptr(), number, null_mut()) };
+        assert_eq!(status, OK);
+        request
+    }
+
+    #[test]
+    fn texts_numbers_and_rows_reach_the_library() {
+        let mut request = with_number(c"fps", 24.0);
+        let (times, values) = ([0.0, 2.0], [0.5, 1.5]);
+        let closures = [0.1, 0.2, 0.3, 0.4];
+        unsafe {
+            let own: *mut AnyfaceRequest = &mut request;
+            let text = anyface_request_set_text;
+            assert_eq!(
+                text(own, c"emotion".as_ptr(), c"happy:0.5".as_ptr(), null_mut()),
+                OK
+            );
+            assert_eq!(text(own, c"text".as_ptr(), c"a b".as_ptr(), null_mut()), OK);
+            let name = c"articulation".as_ptr();
+            let (at, of) = (times.as_ptr(), values.as_ptr());
+            assert_eq!(
+                anyface_request_set_rows(own, name, at, of, 2, 1, null_mut()),
+                OK
+            );
+            let (name, of) = (c"closures".as_ptr(), closures.as_ptr());
+            assert_eq!(
+                anyface_request_set_rows(own, name, null(), of, 2, 2, null_mut()),
+                OK
+            );
+        }
+        let asked = unsafe { AnyfaceRequest::motion(&request) };
+        assert_eq!(
+            (asked.fps, asked.closures),
+            (24.0, Some(vec![[0.1, 0.2], [0.3, 0.4]]))
+        );
+        assert!((asked.emotion.strongest() - 0.5).abs() < 1e-6 && asked.script.is_some());
+        assert_eq!(
+            asked.controls.animated("articulation").unwrap().at(1.0),
+            1.0
+        );
+    }
+
+    #[test]
+    fn a_face_and_a_performance_read_their_own_controls() {
+        let mut request = with_number(c"learned", 0.5);
+        let name = c"articulation".as_ptr();
+        unsafe { anyface_request_set_number(&mut request, name, 1.3, null_mut()) };
+        let face = unsafe { AnyfaceRequest::face_controls(&request) };
+        let motion = unsafe { AnyfaceRequest::motion(&request) }.controls;
+        assert_eq!(
+            (face.get("learned"), face.get("articulation")),
+            (Some(0.5), None)
+        );
+        assert_eq!(
+            (motion.get("learned"), motion.get("articulation")),
+            (None, Some(1.3))
+        );
+        assert_eq!(
+            unsafe { AnyfaceRequest::face_controls(null()) },
+            Controls::default()
+        );
+    }
+
+    #[test]
+    fn a_refusal_leaves_the_request_as_it_was() {
+        let mut request = with_number(c"fps", 24.0);
+        let own: *mut AnyfaceRequest = &mut request;
+        unsafe {
+            for (name, number) in [
+                (c"fps", 0.0),
+                (c"fps", f64::NAN),
+                (c"winks", 1.0),
+                (c"text", 1.0),
+            ] {
+                let status = anyface_request_set_number(own, name.as_ptr(), number, null_mut());
+                assert_eq!(status, AnyfaceStatus::InvalidInput);
+            }
+            let status = anyface_request_set_number(own, null(), 1.0, null_mut());
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+            let status =
+                anyface_request_set_text(null_mut(), c"text".as_ptr(), c"a".as_ptr(), null_mut());
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+            let name = c"articulation".as_ptr();
+            let status = anyface_request_set_rows(own, name, null(), null(), 2, 1, null_mut());
+            assert_eq!(status, AnyfaceStatus::NullPointer);
+        }
+        assert_eq!(unsafe { AnyfaceRequest::motion(own) }.fps, 24.0);
+    }
+
+    #[test]
+    fn every_system_is_named_and_described() {
+        for (index, system) in SYSTEMS.iter().enumerate() {
+            let name = anyface_system_name(index);
+            assert_eq!(unsafe { CStr::from_ptr(name) }.to_str(), Ok(system.name));
+            let text = unsafe { CStr::from_ptr(anyface_describe(name)) };
+            assert_eq!(text.to_str(), Ok(&*describe(system)));
+        }
+        assert!(anyface_system_name(SYSTEMS.len()).is_null());
+        let first = unsafe { anyface_describe(null()) };
+        assert_eq!(first, unsafe { anyface_describe(anyface_system_name(0)) });
+        assert!(unsafe { anyface_describe(c"nobody".as_ptr()) }.is_null());
+    }
+}

@@ -1,0 +1,469 @@
+//! Everything that can be asked of a performance, by name.
+//!
+//! A setting that is no control of a system is written down once, in [`FIELDS`]: how it is called,
+//! what it takes, who obeys it and how it enters a [`MotionRequest`]. The C interface, Python and the
+//! extension set fields and controls by name, and know of no single one.
+
+use std::{fmt::Display, sync::Arc};
+
+use ndarray::ArrayView2;
+
+use super::{Ability, SYSTEMS};
+use crate::{
+    Error, Result,
+    audio::Waveform,
+    conditions::{Control, ControlCurve, EMOTIONS, Emotion, EmotionCurve},
+    motion::{MotionRequest, Pose, check_closures, check_fps},
+    speech::{Script, VoiceTrack},
+    text::Reader,
+};
+
+/// The largest whole number that a double holds together with all smaller ones, plus 1.
+const MAX_SEED: f64 = 9_007_199_254_740_992.0;
+
+/// A setting of a performance that is no control of a system.
+pub struct Field {
+    /// The name by which it is set.
+    pub name: &'static str,
+    /// The name that is shown to people.
+    pub label: &'static str,
+    /// One or two sentences of help.
+    pub help: &'static str,
+    /// What it takes.
+    pub kind: FieldKind,
+    /// The ability of the systems that obey it; `None` if all do.
+    pub needs: Option<Ability>,
+    set: fn(&mut MotionRequest, &Asked<'_>) -> Result<()>,
+}
+
+/// What a field takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FieldKind {
+    /// A number.
+    Number,
+    /// A text; an empty one is as if nothing had been asked.
+    Text,
+    /// A text such as `happy:0.7`, `auto`, `auto-arousal` or `off`, or rows with times: the strength of
+    /// each of the [`EMOTIONS`], linear between the rows.
+    Emotion,
+    /// Rows of two seconds, start and end, without times.
+    Intervals,
+    /// A text: JSON as [`Reader::events_of_json`] reads it.
+    Events,
+    /// A sound.
+    Sound,
+    /// The last frame of a motion.
+    Pose,
+}
+
+/// A value for a field or for a control.
+#[derive(Debug, Clone)]
+pub enum FieldValue<'a> {
+    /// A number. For a control that is a choice, the number of the chosen name.
+    Number(f64),
+    /// A text. For a control that is a choice, the chosen name.
+    Text(&'a str),
+    /// Rows of numbers, and the second of each row if they change over time. For a control that
+    /// changes over time, each row holds one number.
+    Rows(Option<&'a [f64]>, ArrayView2<'a, f64>),
+    /// A sound.
+    Sound(&'a Waveform),
+    /// A pose.
+    Pose(Pose),
+}
+
+/// A value, and the name under which it was asked.
+struct Asked<'a> {
+    name: &'a str,
+    value: FieldValue<'a>,
+}
+
+/// All fields, in the order in which a panel shows them.
+pub static FIELDS: &[Field] = &[
+    Field {
+        name: "emotion",
+        label: "Emotion",
+        help: "What the face feels, and how strongly: named, heard in the voice, or nothing at all.",
+        kind: FieldKind::Emotion,
+        needs: None,
+        set: |request, asked| {
+            request.emotion = asked.emotion()?;
+            Ok(())
+        },
+    },
+    Field {
+        name: "emotion_of",
+        label: "Emotion of",
+        help: "Another recording, whose emotion the face shows.",
+        kind: FieldKind::Sound,
+        needs: Some(Ability::Emotion),
+        set: |request, asked| {
+            request.emotion_of = Some(Arc::new(VoiceTrack::checked(asked.sound()?)?));
+            Ok(())
+        },
+    },
+    Field {
+        name: "neutral_voice",
+        label: "Neutral Voice",
+        help: "A recording in which the same person speaks neutrally, ten seconds or more: the emotion of the voice is \
+               then heard as the difference from it.",
+        kind: FieldKind::Sound,
+        needs: None,
+        set: |request, asked| {
+            request.neutral_voice = Some(Arc::new(VoiceTrack::neutral(asked.sound()?)?));
+            Ok(())
+        },
+    },
+    Field {
+        name: "text",
+        label: "Text",
+        help: "The words that are spoken. Their places are found in the sound, and the mouth then shows their sounds.",
+        kind: FieldKind::Text,
+        needs: None,
+        set: |request, asked| {
+            let text = asked.text()?;
+            request.script = text.map(|text| Arc::new(Script::Text(text.to_owned())));
+            Ok(())
+        },
+    },
+    Field {
+        name: "closures",
+        label: "Closures",
+        help: "When the lips are together, instead of where that is heard.",
+        kind: FieldKind::Intervals,
+        needs: None,
+        set: |request, asked| {
+            let closures = asked.intervals()?;
+            check_closures(&closures)?;
+            request.closures = Some(closures);
+            Ok(())
+        },
+    },
+    Field {
+        name: "events",
+        label: "Events",
+        help: "What the face has to do, and when.",
+        kind: FieldKind::Events,
+        needs: Some(Ability::Events),
+        set: |request, asked| {
+            request.events = match asked.text()? {
+                Some(json) => Reader::new(None).events_of_json(json)?,
+                None => Vec::new(),
+            };
+            Ok(())
+        },
+    },
+    Field {
+        name: "starts_from",
+        label: "Start from",
+        help: "The pose in which the face begins.",
+        kind: FieldKind::Pose,
+        needs: Some(Ability::FirstPose),
+        set: |request, asked| match &asked.value {
+            FieldValue::Pose(pose) => {
+                request.starts_from = Some(pose.clone());
+                Ok(())
+            }
+            _ => asked.refuse("a motion"),
+        },
+    },
+    Field {
+        name: "style",
+        label: "Style",
+        help: "The speaking style by name; without one, the model's own.",
+        kind: FieldKind::Text,
+        needs: None,
+        set: |request, asked| {
+            request.style = asked.text()?.map(str::to_owned);
+            Ok(())
+        },
+    },
+    Field {
+        name: "fps",
+        label: "Frame Rate",
+        help: "Frames per second of the result, 1 to 240.",
+        kind: FieldKind::Number,
+        needs: None,
+        set: |request, asked| {
+            request.fps = asked.number()?;
+            check_fps(request.fps)
+        },
+    },
+    Field {
+        name: "seed",
+        label: "Seed",
+        help: "The same seed makes the same motion. It decides about blinks, brow accents, head, gaze and variety.",
+        kind: FieldKind::Number,
+        needs: None,
+        set: |request, asked| {
+            request.seed = asked.seed()?;
+            Ok(())
+        },
+    },
+];
+
+/// Puts a value into a request: into the field of this name, or into the control that some system
+/// has. Whether the system that performs has this control is checked when it performs.
+///
+/// # Errors
+/// `InvalidInput` for a name that no field and no control has, for a value of another kind, or for
+/// one out of range; the errors of what the field takes, such as `Audio` for a silent sound.
+pub fn set_field<'a>(
+    request: &mut MotionRequest,
+    name: &'a str,
+    value: FieldValue<'a>,
+) -> Result<()> {
+    let asked = Asked { name, value };
+    if let Some(field) = FIELDS.iter().find(|field| field.name == name) {
+        return (field.set)(request, &asked);
+    }
+    let mut controls = SYSTEMS.iter().flat_map(|system| system.controls());
+    match controls.find(|control| control.name == name) {
+        Some(control) => {
+            let curve = asked.curve(control)?;
+            request.controls.set_curve(name, curve);
+            Ok(())
+        }
+        None => {
+            let known: Vec<&str> = FIELDS.iter().map(|field| field.name).collect();
+            Err(Error::InvalidInput(format!(
+                "request: expected one of {} or a control of a system, got {name:?}",
+                known.join(", ")
+            )))
+        }
+    }
+}
+
+impl FieldKind {
+    /// Its name in descriptions.
+    pub fn name(self) -> &'static str {
+        match self {
+            FieldKind::Number => "number",
+            FieldKind::Text => "text",
+            FieldKind::Emotion => "emotion",
+            FieldKind::Intervals => "intervals",
+            FieldKind::Events => "events",
+            FieldKind::Sound => "sound",
+            FieldKind::Pose => "pose",
+        }
+    }
+}
+
+impl Asked<'_> {
+    fn refuse<T>(&self, expected: impl Display) -> Result<T> {
+        let got = match &self.value {
+            FieldValue::Number(x) => format!("{x}"),
+            FieldValue::Text(text) => format!("{text:?}"),
+            FieldValue::Rows(Some(_), rows) => format!("rows of {} with times", rows.ncols()),
+            FieldValue::Rows(None, rows) => format!("rows of {}", rows.ncols()),
+            FieldValue::Sound(_) => "a sound".into(),
+            FieldValue::Pose(_) => "a motion".into(),
+        };
+        Err(Error::InvalidInput(format!(
+            "{}: expected {expected}, got {got}",
+            self.name
+        )))
+    }
+
+    fn number(&self) -> Result<f64> {
+        match self.value {
+            FieldValue::Number(x) => Ok(x),
+            _ => self.refuse("a number"),
+        }
+    }
+
+    /// A whole number, or text for those that a double does not hold.
+    fn seed(&self) -> Result<u64> {
+        match &self.value {
+            FieldValue::Number(x) if x.fract() == 0.0 && (0.0..MAX_SEED).contains(x) => {
+                Ok(*x as u64)
+            }
+            FieldValue::Text(text) => text
+                .parse()
+                .or_else(|_| self.refuse("a whole number of at least 0")),
+            _ => self.refuse("a whole number of at least 0 and below 2^53, or a text"),
+        }
+    }
+
+    fn text(&self) -> Result<Option<&str>> {
+        match self.value {
+            FieldValue::Text(text) => Ok(Some(text).filter(|text| !text.is_empty())),
+            _ => self.refuse("a text"),
+        }
+    }
+
+    fn sound(&self) -> Result<&Waveform> {
+        match self.value {
+            FieldValue::Sound(sound) => Ok(sound),
+            _ => self.refuse("a sound"),
+        }
+    }
+
+    fn intervals(&self) -> Result<Vec<[f64; 2]>> {
+        match &self.value {
+            FieldValue::Rows(None, rows) if rows.ncols() == 2 => {
+                Ok(rows.outer_iter().map(|row| [row[0], row[1]]).collect())
+            }
+            _ => self.refuse("rows of two seconds without times"),
+        }
+    }
+
+    fn emotion(&self) -> Result<EmotionCurve> {
+        let count = EMOTIONS.len();
+        match &self.value {
+            FieldValue::Text(text) => EmotionCurve::parse(text),
+            FieldValue::Rows(times_s, rows) if rows.ncols() == count => {
+                let emotions = rows
+                    .outer_iter()
+                    .map(|row| Emotion::from_strengths(std::array::from_fn(|e| row[e] as f32)));
+                let emotions = emotions.collect::<Result<Vec<_>>>()?;
+                match (*times_s, &emotions[..]) {
+                    (_, []) => Ok(EmotionCurve::default()),
+                    (None, [only]) => Ok(EmotionCurve::Constant(*only)),
+                    (None, _) => self.refuse("one row, or a time for each row"),
+                    (Some(times_s), _) => {
+                        self.check_rising(times_s)?;
+                        let keys = times_s.iter().copied().zip(emotions);
+                        Ok(EmotionCurve::Keys(keys.collect()))
+                    }
+                }
+            }
+            _ => self.refuse(format_args!(
+                "a text such as happy:0.7, or rows of {count} strengths"
+            )),
+        }
+    }
+
+    fn check_rising(&self, times_s: &[f64]) -> Result<()> {
+        let finite = times_s.iter().all(|time| time.is_finite());
+        if finite && times_s.windows(2).all(|pair| pair[0] < pair[1]) {
+            return Ok(());
+        }
+        Err(Error::InvalidInput(format!(
+            "{}: expected finite times, each above the one before, got {times_s:?}",
+            self.name
+        )))
+    }
+
+    /// The curve of a control. Ranges are checked when a system performs.
+    fn curve(&self, control: &Control) -> Result<ControlCurve> {
+        match &self.value {
+            FieldValue::Number(x) => Ok(ControlCurve {
+                value: *x as f32,
+                keys: Vec::new(),
+            }),
+            FieldValue::Text(text) => Ok(ControlCurve {
+                value: control.parse(text)?,
+                keys: Vec::new(),
+            }),
+            FieldValue::Rows(Some(times_s), rows) if rows.ncols() == 1 && !times_s.is_empty() => {
+                Ok(ControlCurve {
+                    value: rows[[0, 0]] as f32,
+                    keys: times_s
+                        .iter()
+                        .copied()
+                        .zip(rows.column(0).iter().copied())
+                        .collect(),
+                })
+            }
+            _ => self.refuse("a number, or rows of one number with times"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array2, array};
+
+    fn with(name: &str, value: FieldValue<'_>) -> Result<MotionRequest> {
+        let mut request = MotionRequest::default();
+        set_field(&mut request, name, value).map(|()| request)
+    }
+
+    fn refusal(name: &str, value: FieldValue<'_>) -> String {
+        with(name, value).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn names_are_unique_among_fields_and_controls() {
+        let mut names: Vec<&str> = FIELDS.iter().map(|field| field.name).collect();
+        let controls = SYSTEMS.iter().flat_map(|system| system.controls());
+        assert!(
+            controls
+                .into_iter()
+                .all(|control| !names.contains(&control.name))
+        );
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), FIELDS.len());
+    }
+
+    #[test]
+    fn every_field_refuses_values_of_other_kinds_by_its_name() {
+        let rows = Array2::zeros((1, 3));
+        for field in FIELDS {
+            let message = refusal(field.name, FieldValue::Rows(None, rows.view()));
+            let start = format!("{}: expected ", field.name);
+            assert!(message.starts_with(&start), "{message}");
+        }
+    }
+
+    #[test]
+    fn values_reach_the_request() {
+        assert_eq!(with("fps", FieldValue::Number(24.0)).unwrap().fps, 24.0);
+        let large = u64::MAX.to_string();
+        assert_eq!(
+            with("seed", FieldValue::Text(&large)).unwrap().seed,
+            u64::MAX
+        );
+        assert!(refusal("seed", FieldValue::Number(0.5)).contains("a whole number"));
+        assert_eq!(with("style", FieldValue::Text("")).unwrap().style, None);
+        let closures = array![[0.5, 0.6], [1.0, 1.1]];
+        let request = with("closures", FieldValue::Rows(None, closures.view())).unwrap();
+        assert_eq!(request.closures.unwrap()[1], [1.0, 1.1]);
+        let json = r#"[{"start_s": 1, "end_s": 2, "units": ["12"]}]"#;
+        assert_eq!(
+            with("events", FieldValue::Text(json)).unwrap().events.len(),
+            1
+        );
+    }
+
+    #[test]
+    fn an_emotion_is_a_text_or_rows_over_time() {
+        let sad = with("emotion", FieldValue::Text("sad:0.5")).unwrap();
+        assert_eq!(sad.emotion, EmotionCurve::parse("sad:0.5").unwrap());
+        let off = with("emotion", FieldValue::Text("off")).unwrap();
+        assert_eq!(off.emotion, EmotionCurve::Off);
+        let mut rows = Array2::zeros((2, EMOTIONS.len()));
+        rows[[1, 1]] = 0.5;
+        let curve = with("emotion", FieldValue::Rows(Some(&[0.0, 2.0]), rows.view())).unwrap();
+        assert!((curve.emotion.at(1.0).intensity - 0.25).abs() < 1e-6);
+        let falling = refusal("emotion", FieldValue::Rows(Some(&[2.0, 0.0]), rows.view()));
+        assert!(falling.contains("each above the one before"), "{falling}");
+        assert!(
+            refusal("emotion", FieldValue::Rows(None, rows.view())).contains("a time for each row")
+        );
+    }
+
+    #[test]
+    fn controls_take_numbers_names_and_curves() {
+        let request = with("articulation", FieldValue::Number(1.3)).unwrap();
+        assert_eq!(request.controls.get("articulation"), Some(1.3));
+        let keys = array![[0.5], [1.5]];
+        let curve = with(
+            "articulation",
+            FieldValue::Rows(Some(&[0.0, 2.0]), keys.view()),
+        )
+        .unwrap();
+        assert_eq!(
+            curve.controls.animated("articulation").unwrap().at(1.0),
+            1.0
+        );
+        let unknown = refusal("winks", FieldValue::Number(1.0));
+        assert!(
+            unknown.contains("got \"winks\"") && unknown.contains("emotion_of"),
+            "{unknown}"
+        );
+    }
+}
