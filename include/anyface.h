@@ -308,7 +308,7 @@ typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 /// cancelled.
 typedef struct AnyfaceProgress AnyfaceProgress;
 
-/// What is asked of a face and of a performance. `anyface_describe()` lists the names of fields and
+/// How a face and a performance shall be. `anyface_describe()` lists the names of fields and
 /// controls that a system obeys; whatever is not set has its default. One request may serve any
 /// number of faces and performances: a face reads the controls of the stage `face`, a performance
 /// everything else. No other call may use it while it is changed.
@@ -797,7 +797,7 @@ void anyface_sounds_free(AnyfaceSounds *sounds);
 /// last one. Lives as long as the library is loaded.
 const char *anyface_system_name(size_t index);
 
-/// Describes everything that can be asked of a system as a JSON object: `name`, `label` and `help`;
+/// Describes what a system obeys as a JSON object: `name`, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
 /// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
@@ -857,15 +857,6 @@ AnyfaceStatus anyface_request_set_sound(AnyfaceRequest *request,
                                         const char *name,
                                         const AnyfaceAudio *sound,
                                         AnyfaceError **error);
-
-/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
-/// its tongue.
-///
-/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
-AnyfaceStatus anyface_request_set_motion(AnyfaceRequest *request,
-                                         const char *name,
-                                         const AnyfaceMotion *motion,
-                                         AnyfaceError **error);
 
 /// Frees a request that no running call uses; nothing happens for NULL.
 void anyface_request_free(AnyfaceRequest *request);
@@ -1238,6 +1229,15 @@ AnyfaceStatus anyface_motion_new_pose(const AnyfaceFace *face,
                                       AnyfaceMotion **out,
                                       AnyfaceError **error);
 
+/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
+/// its tongue.
+///
+/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
+AnyfaceStatus anyface_request_set_motion(AnyfaceRequest *request,
+                                         const char *name,
+                                         const AnyfaceMotion *motion,
+                                         AnyfaceError **error);
+
 /// Number `T` of frames; 0 for NULL.
 size_t anyface_motion_frame_count(const AnyfaceMotion *motion);
 
@@ -1270,7 +1270,7 @@ AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, for a frame out of range,
 /// for a motion that the caller brought or that was redone or cut from another one, or if the
 /// system of the engine or of the motion does not separate emotion from speech: see
-/// `anyface_system_hears_emotion()`.
+/// `anyface_describe()`.
 AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
                                        const AnyfaceEngine *engine,
                                        const AnyfaceFace *face,

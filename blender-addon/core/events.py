@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
-from . import json_file, library
+from . import json_file, library, systems
 from .calls import Calls
 from .errors import AnyfaceError
 
@@ -63,7 +63,7 @@ class Reader(Calls):
 
     def menu(self) -> list[str]:
         """The words that have fixed units."""
-        return library.texts(self._library.anyface_expression_word)
+        return systems.words()
 
     def expression(self, text: str) -> Expression:
         """Reads units such as `12,6L`, words such as `left wink:0.5`, or English.

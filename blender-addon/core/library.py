@@ -43,41 +43,6 @@ class EngineOptions(Structure):
     ]
 
 
-class Control(Structure):
-    """`AnyfaceControl`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("name", c_char_p),
-        ("label", c_char_p),
-        ("help", c_char_p),
-        ("unit", c_char_p),
-        ("choices", POINTER(c_char_p)),
-        ("choice_count", c_size_t),
-        ("values", c_int32),
-        ("stage", c_int32),
-        ("low", c_float),
-        ("high", c_float),
-        ("default_value", c_float),
-        ("neutral", c_float),
-        ("animatable", c_int32),
-        ("reserved", c_uint32),
-    ]
-
-
-class ControlSetting(Structure):
-    """`AnyfaceControlSetting`."""
-
-    _fields_ = [
-        ("name", c_char_p),
-        ("value", c_float),
-        ("reserved", c_uint32),
-        ("key_times_s", POINTER(c_double)),
-        ("key_values", POINTER(c_double)),
-        ("key_count", c_size_t),
-    ]
-
-
 class FaceOptions(Structure):
     """`AnyfaceFaceOptions`."""
 
@@ -88,8 +53,7 @@ class FaceOptions(Structure):
         ("landmark_json", c_char_p),
         ("forward", c_int32),
         ("up", c_int32),
-        ("controls", POINTER(ControlSetting)),
-        ("control_count", c_size_t),
+        ("request", c_void_p),
         ("part_numbers", POINTER(c_uint32)),
         ("part_roles", POINTER(c_int32)),
         ("part_count", c_size_t),
@@ -116,33 +80,6 @@ class Event(Structure):
     ]
 
 
-class MotionOptions(Structure):
-    """`AnyfaceMotionOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("emotion_strengths", POINTER(c_float)),
-        ("emotion_times_s", POINTER(c_double)),
-        ("emotion_count", c_size_t),
-        ("fps", c_double),
-        ("seed", c_uint64),
-        ("style", c_char_p),
-        ("emotion_source", c_int32),
-        ("reserved", c_uint32),
-        ("controls", POINTER(ControlSetting)),
-        ("control_count", c_size_t),
-        ("closures_s", POINTER(c_double)),
-        ("closure_count", c_size_t),
-        ("has_closures", c_int32),
-        ("reserved_2", c_uint32),
-        ("events", c_void_p),
-        ("emotion_of", c_void_p),
-        ("starts_from", c_void_p),
-        ("neutral_voice", c_void_p),
-        ("text", c_char_p),
-    ]
-
-
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 _HANDLE, _OUT = c_void_p, POINTER(c_void_p)
 # _OF_MESH is for functions that make something of a mesh: engine, mesh, options, progress, out,
@@ -153,18 +90,18 @@ _OF_MESH = [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT]
 # Name: return type and argument types. Handles are untyped pointers.
 SIGNATURES = {
     "anyface_abi_version": (c_uint32, []),
-    "anyface_emotion_name": (c_char_p, [c_size_t]),
     "anyface_error_message": (c_char_p, [_HANDLE]),
-    "anyface_system_count": (c_size_t, []),
     "anyface_system_name": (c_char_p, [c_size_t]),
-    "anyface_system_label": (c_char_p, [c_size_t]),
-    "anyface_system_help": (c_char_p, [c_size_t]),
-    "anyface_system_takes_events": (c_int32, [c_size_t]),
-    "anyface_system_hears_emotion": (c_int32, [c_size_t]),
-    "anyface_system_starts_from_pose": (c_int32, [c_size_t]),
-    "anyface_system_has_slider": (c_int32, [c_size_t, c_int32]),
-    "anyface_system_control_count": (c_size_t, [c_size_t]),
-    "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
+    "anyface_describe": (c_char_p, [c_char_p]),
+    "anyface_request_new": (c_int32, [_OUT, _OUT]),
+    "anyface_request_set_text": (c_int32, [_HANDLE, c_char_p, c_char_p, _OUT]),
+    "anyface_request_set_number": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
+    "anyface_request_set_rows": (
+        c_int32,
+        [_HANDLE, c_char_p, POINTER(c_double), POINTER(c_double), c_size_t, c_size_t, _OUT],
+    ),
+    "anyface_request_set_sound": (c_int32, [_HANDLE, c_char_p, _HANDLE, _OUT]),
+    "anyface_request_set_motion": (c_int32, [_HANDLE, c_char_p, _HANDLE, _OUT]),
     "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),
     "anyface_engine_new": (c_int32, [POINTER(EngineOptions), _OUT, _OUT]),
     "anyface_engine_memory_needed": (
@@ -212,9 +149,6 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, _INDICES, c_size_t, _FLOATS, c_size_t, _OUT],
     ),
-    "anyface_action_unit_name": (c_char_p, [c_size_t]),
-    "anyface_action_unit_label": (c_char_p, [c_size_t]),
-    "anyface_expression_word": (c_char_p, [c_size_t]),
     "anyface_expression_new": (c_int32, [c_char_p, c_char_p, _OUT, _OUT]),
     "anyface_expression_unit_count": (c_size_t, [_HANDLE]),
     "anyface_expression_unit": (c_char_p, [_HANDLE, c_size_t]),
@@ -229,10 +163,9 @@ SIGNATURES = {
     "anyface_event_notes_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_event_notes_count": (c_size_t, [_HANDLE]),
     "anyface_event_notes_text": (c_char_p, [_HANDLE, c_size_t]),
-    "anyface_motion_options_init": (c_int32, [POINTER(MotionOptions), c_size_t]),
     "anyface_motion_new": (
         c_int32,
-        [_HANDLE, _HANDLE, POINTER(MotionOptions), _HANDLE, _OUT, _OUT],
+        [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT],
     ),
     "anyface_motion_new_content": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_motion_new_displacements": (c_int32, [_FLOATS, c_size_t, c_double, _OUT, _OUT]),
@@ -385,8 +318,8 @@ SIGNATURES = {
 
 _FREED = (
     "audio", "basis", "clip", "curves", "engine", "error", "event_notes", "events", "expression",
-    "face", "head", "mesh", "motion", "opened_face", "progress", "rig", "sliders", "sounds",
-    "stream", "weight_stream", "weights",
+    "face", "head", "mesh", "motion", "opened_face", "progress", "request", "rig", "sliders",
+    "sounds", "stream", "weight_stream", "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 

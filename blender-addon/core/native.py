@@ -16,13 +16,10 @@ from .errors import AnyfaceError
 from .heard_emotion import HeardEmotion
 from .job import Progress
 from .library import (
-    ControlSetting,
     EngineOptions,
     FaceOptions,
-    MotionOptions,
     library_path,
     load,
-    texts,
 )
 from .native_basis import BasisCalls
 from .native_curves import CurveCalls
@@ -34,7 +31,6 @@ from .native_opening import OpeningCalls
 from .native_shapes import Clip, ShapeCalls
 from .native_sounds import SoundCalls
 from .take import (
-    EMOTION_SOURCES,
     LIDS,
     MOUTHS,
     VISIBILITIES,
@@ -95,7 +91,7 @@ class Engine(
         self._library = load(library_path())
         self.models = weights
         description = systems.find(system, systems.read(self._library))
-        self._controls, self._sliders_offered = description.controls, description.sliders
+        self._description, self._sliders_offered = description, description.sliders
         options = self._options(EngineOptions, "anyface_engine_options_init")
         options.threads, options.system = threads, system.encode() or None
         if cache is not None:
@@ -109,7 +105,7 @@ class Engine(
     @property
     def controls(self) -> tuple[systems.Control, ...]:
         """The controls that the system offers."""
-        return self._controls
+        return self._description.controls
 
     def facing(self, forward: str, up: str) -> "Engine":
         """An engine with the same models for meshes with other axes; valid until this one closes.
@@ -131,7 +127,7 @@ class Engine(
 
     def emotions(self) -> list[str]:
         """The names of the emotions, in the order of their strengths."""
-        return texts(self._library.anyface_emotion_name)
+        return list(self._description.emotions)
 
     def decode(self, path: str) -> tuple[np.ndarray, float, str]:
         """Mono samples `[S]` float32 of a sound file, their rate in Hz, and a warning.
@@ -206,7 +202,7 @@ class Engine(
         """A mesh prepared for animation; `landmarks` are positions and vertex numbers."""
         mesh = self._mesh(handles, positions, triangles)
         options, _alive = self._face_options(*landmarks, request.roles)
-        _set = self._control(options, request, systems.FACE)
+        options.request = self._controls(handles, request, systems.FACE)
         arguments = (self._handle, mesh, byref(options), watch.handle)
         return self._own(handles, "face", "anyface_face_new", *arguments)
 
@@ -368,24 +364,45 @@ class Engine(
             setattr(options, name, arrays[name].ctypes.data_as(kinds[name]))
         return options, arrays
 
-    def _control(self, options, request: Request, stage: int) -> list:
-        """Sets the request's controls of a stage; returns what to keep alive with the options."""
-        alive, settings = [], []
-        for control in self._controls:
+    def _controls(self, handles, request: Request, stage: str):
+        """A request of the library with the controls of a stage."""
+        new = self._own(handles, "request", "anyface_request_new")
+        for control in self._description.controls:
             if control.stage != stage:
                 continue
+            name = control.name.encode()
             value = request.controls.get(control.name, control.default)
-            setting = ControlSetting(control.name.encode(), value)
+            self._call("anyface_request_set_number", new, name, value)
             if control.name in request.control_keys:
-                keys = request.control_keys[control.name]
-                times, values = (np.ascontiguousarray(row, dtype=np.float64) for row in keys)
-                setting.key_times_s, setting.key_values = _doubles(times), _doubles(values)
-                setting.key_count = len(times)
-                alive += [times, values]
-            settings.append(setting)
-        options.controls = (ControlSetting * len(settings))(*settings)
-        options.control_count = len(settings)
-        return [*alive, settings]
+                self._rows(new, name, *request.control_keys[control.name])
+        return new
+
+    def _rows(self, handle, name: bytes, times, rows) -> None:
+        """Asks for rows of numbers, at `times` in seconds or at none."""
+        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        columns = 1 if rows.ndim == 1 else rows.shape[1]
+        times = None if times is None else np.ascontiguousarray(times, dtype=np.float64)
+        at = None if times is None else _doubles(times)
+        function = "anyface_request_set_rows"
+        self._call(function, handle, name, at, _doubles(rows), len(rows), columns)
+
+    def _ask(self, handles, handle, kind: str, name: bytes, value, face) -> None:
+        """Asks for the value of a field, of which the library says its kind."""
+        if isinstance(value, str):
+            self._call("anyface_request_set_text", handle, name, value.encode())
+        elif kind == "number":
+            self._call("anyface_request_set_number", handle, name, value)
+        elif kind == "sound":
+            sound = self._audio(handles, value)
+            self._call("anyface_request_set_sound", handle, name, sound)
+        elif kind == "intervals":
+            self._rows(handle, name, None, np.reshape(value, (-1, 2)))
+        elif kind == "emotion" and len(value):
+            times, rows = zip(*value, strict=True)
+            self._rows(handle, name, times, np.array(rows, dtype=np.float32))
+        elif kind == "pose" and face is not None:
+            pose = self._pose(handles, face, value)
+            self._call("anyface_request_set_motion", handle, name, pose)
 
     def _audio(self, handles, sound):
         samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
@@ -400,31 +417,16 @@ class Engine(
 
     def _motion(self, handles, sound, request, watch, face=None):
         audio = self._audio(handles, sound)
-        options = self._options(MotionOptions, "anyface_motion_options_init")
-        options.emotion_source = EMOTION_SOURCES.index(request.emotion_source)
-        keys = request.emotion if request.emotion_source == "GIVEN" else []
-        times = np.array([time for time, _ in keys], dtype=np.float64)
-        rows = np.array([row for _, row in keys], dtype=np.float32)
-        options.emotion_count = len(rows)
-        if len(rows):
-            options.emotion_strengths = _floats(rows)
-            options.emotion_times_s = _doubles(times)
-        options.fps, options.seed = request.fps, request.seed
-        options.style = request.style.encode() or None
-        _alive = self._control(options, request, systems.MOTION)
-        if request.closures is not None:
-            closures = np.ascontiguousarray(request.closures, dtype=np.float64)
-            options.closures_s, options.closure_count = _doubles(closures), len(closures)
-            options.has_closures = 1
-        options.events = self._events(handles, request.events)
-        if request.emotion_of is not None:
-            options.emotion_of = self._audio(handles, request.emotion_of)
-        if request.neutral_voice is not None:
-            options.neutral_voice = self._audio(handles, request.neutral_voice)
-        options.text = request.text.encode() or None
-        if request.starts_from is not None and face is not None:
-            options.starts_from = self._pose(handles, face, request.starts_from)
-        arguments = (self._handle, audio, byref(options), watch.handle)
+        handle = self._controls(handles, request, systems.MOTION)
+        self._call("anyface_request_set_number", handle, b"fps", request.fps)
+        if request.events:
+            events = self._events_json(request.events).encode()
+            self._call("anyface_request_set_text", handle, b"events", events)
+        for known in self._description.fields:
+            value = request.fields.get(known.name)
+            if value is not None:
+                self._ask(handles, handle, known.kind, known.name.encode(), value, face)
+        arguments = (self._handle, audio, handle, watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *arguments)
 
     def _options(self, kind, init: str):

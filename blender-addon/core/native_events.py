@@ -18,17 +18,17 @@ _FLOATS = POINTER(c_float)
 class EventCalls:
     """The calls of `native.Engine` for events, and for weights that the system makes itself."""
 
-    def _events(self, handles: ExitStack, events: list[Asked]):
-        """The library's handle of the events, or None if there are none."""
-        if not events:
-            return None
+    def _events_json(self, events: list[Asked]) -> str:
+        """The events as the library writes them; raises `AnyfaceError` for wrong ones."""
         rows = (Event * len(events))()
         for row, event in zip(rows, events, strict=True):
             units = (c_char_p * len(event.units))(*(unit.encode() for unit in event.units))
             row.start_s, row.end_s = event.start_s, event.end_s
             row.units, row.unit_count = units, len(event.units)
             row.strength, row.over_speech = event.strength, event.over_speech
-        return self._own(handles, "events", "anyface_events_new", rows, len(events))
+        with ExitStack() as handles:
+            made = self._own(handles, "events", "anyface_events_new", rows, len(events))
+            return self._library.anyface_events_json(made).decode()
 
     def _unseen(self, handles: ExitStack, face, motion, events: list[Asked], watch) -> list[str]:
         """Sentences that say what this face cannot show of a motion and its named events."""

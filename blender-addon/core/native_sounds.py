@@ -73,20 +73,22 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
-            arguments = self._handle, self._audio(handles, sound), request.text.encode() or None
+            text = request.fields.get("text", "").encode() or None
+            arguments = self._handle, self._audio(handles, sound), text
             said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
-            if request.closures is not None:
-                said = self._mended(handles, said, request)
+            closures = request.fields.get("closures")
+            if closures is not None:
+                said = self._mended(handles, said, closures, request.fps)
             arguments = clip, said, MOUTHS.index(mouths), on, hold, closure_hold, vowel_hold
             drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *arguments)
             if path:
                 self._call("anyface_sounds_write", drawn, os.fsencode(path), request.fps)
             return self._intervals(drawn, _MOUTHS)
 
-    def _mended(self, handles, said, request: Request):
-        """The phones of `said`, with the closures of a request in place of those that close lips;
-        None if no interval is left."""
-        rows = [(*ends, "m") for ends in request.closures.tolist()]
+    def _mended(self, handles, said, closures: np.ndarray, fps: float):
+        """The phones of `said`, with `closures` `[N, 2]` in place of those that close lips; None
+        if no interval is left."""
+        rows = [(*ends, "m") for ends in closures.tolist()]
         for start_s, end_s, phone in self._intervals(said, _PHONES):
             if self.closes_lips(phone):
                 continue
@@ -102,9 +104,7 @@ class SoundCalls:
             path = os.path.join(folder, "sounds.txt")
             with open(path, "w", encoding="utf-8") as file:
                 file.writelines(f"{a:.6f} {b:.6f} {label}\n" for a, b, label in sorted(rows))
-            return self._own(
-                handles, "sounds", "anyface_sounds_read", os.fsencode(path), request.fps
-            )
+            return self._own(handles, "sounds", "anyface_sounds_read", os.fsencode(path), fps)
 
     def _intervals(self, sounds, tier: int) -> list[tuple[float, float, str]]:
         times = np.empty((self._library.anyface_sounds_interval_count(sounds, tier), 2))

@@ -22,12 +22,14 @@ def perform(
     """
     verdict.check_sound(sound)
     space = face.space
-    if request.starts_from is not None:
-        request = replace(request, starts_from=space.moved(request.starts_from))
+    if (pose := request.fields.get("starts_from")) is not None:
+        request = request.with_fields(starts_from=space.moved(pose))
     with finding.searching(face):
         animation = animate(*space.to_library(face), sound, request, progress)
     # Category 0 is neutral.
-    intensity = max((sum(row[1:]) for _, row in request.emotion), default=0.0)
+    emotion = request.fields.get("emotion", ())
+    rows = () if isinstance(emotion, str) else emotion
+    intensity = max((sum(row[1:]) for _, row in rows), default=0.0)
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     motion = animation.basis

@@ -91,7 +91,7 @@ class Portraits:
             keys += [(max(middle - 0.45 * _HOLD_S, 0.0), row), (middle + 0.45 * _HOLD_S, row)]
         request = Request(
             fps=1.0,
-            emotion=keys,
+            fields={"emotion": keys},
             error_mm=None,
             controls=self.controls,
             roles=self.face.roles,

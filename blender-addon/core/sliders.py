@@ -72,7 +72,7 @@ def why_missing(request, sliders, offered: tuple[str, ...] = NAMES) -> dict[str,
     missing = {name: _NO_EFFECT[name] for name in NAMES if name not in sliders}
     if request.control_keys:
         missing = dict.fromkeys(missing, _OVER_TIME)
-    elif request.emotion_source == "OFF":
+    elif request.fields.get("emotion") == "off":
         missing |= {name: _EMOTION_OFF for name in missing if name != "articulation"}
     return missing | {name: NONE for name in missing if name not in offered}
 

@@ -1,20 +1,20 @@
-"""The systems of the library and the controls that each of them understands.
+"""The systems of the library, and what each of them can be asked for.
 
-The list comes from the library. It is read once, without loading models. The panel, the presets
+The library describes them as JSON. It is read once, without loading models. The panel, the presets
 and the command are built from it.
 """
 
-from ctypes import byref, sizeof
+import json
 from dataclasses import dataclass
 from functools import cache
 
 from . import library, sliders
 from .errors import AnyfaceError
 
-# What a control acts on, numbered as in `AnyfaceControlStage`.
-FACE, MOTION = 0, 1
-# What a control's numbers mean, numbered as in `AnyfaceControlValues`.
-REAL, WHOLE, CHOICE = 0, 1, 2
+# What a control acts on.
+FACE, MOTION = "face", "motion"
+# What a control's numbers mean.
+REAL, WHOLE, CHOICE = "real", "whole", "choice"
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Control:
     label: str
     help: str
     choices: tuple[str, ...]
-    values: int
-    stage: int
+    values: str
+    stage: str
     low: float
     high: float
     default: float
@@ -48,6 +48,19 @@ class Control:
 
 
 @dataclass(frozen=True)
+class Field:
+    """A setting of a performance that is no control of a system, such as its text.
+
+    `kind` is "number", "text", "emotion", "intervals", "events", "sound" or "pose".
+    """
+
+    name: str
+    label: str
+    help: str
+    kind: str
+
+
+@dataclass(frozen=True)
 class System:
     """A method that turns speech into motion; the panel shows `controls` in this order."""
 
@@ -55,6 +68,8 @@ class System:
     label: str
     help: str
     controls: tuple[Control, ...]
+    fields: tuple[Field, ...] = ()
+    emotions: tuple[str, ...] = ()
     takes_events: bool = False
     # Whether it hears emotion in the voice or in another recording.
     hears_emotion: bool = False
@@ -96,12 +111,21 @@ def find(name: str, among: tuple[System, ...]) -> System:
 @cache
 def units() -> dict[str, str]:
     """The action units of the extension's library: a label for each unit number."""
+    return {unit["name"]: unit["label"] for unit in _first().get("units", ())}
+
+
+@cache
+def words() -> list[str]:
+    """The words with fixed units of the extension's library."""
+    return list(_first().get("words", ()))
+
+
+def _first() -> dict:
+    """The description of the default system; empty if the library cannot be loaded."""
     try:
-        loaded = library.load(library.library_path())
+        return json.loads(library.load(library.library_path()).anyface_describe(None))
     except AnyfaceError:
         return {}
-    names = library.texts(loaded.anyface_action_unit_name)
-    return dict(zip(names, library.texts(loaded.anyface_action_unit_label), strict=True))
 
 
 def by_name(name: str) -> System:
@@ -112,39 +136,37 @@ def by_name(name: str) -> System:
 
 def read(loaded) -> tuple[System, ...]:
     """The systems of a loaded library."""
-    return tuple(_system(loaded, number) for number in range(loaded.anyface_system_count()))
+    names = library.texts(loaded.anyface_system_name)
+    return tuple(_system(json.loads(loaded.anyface_describe(name.encode()))) for name in names)
 
 
-def _system(loaded, number: int) -> System:
-    calls = (loaded.anyface_system_name, loaded.anyface_system_label, loaded.anyface_system_help)
-    name, label, text = (call(number).decode() for call in calls)
-    count = loaded.anyface_system_control_count(number)
-    controls = tuple(_control(loaded, number, at) for at in range(count))
-    takes_events = loaded.anyface_system_takes_events(number) == 1
-    hears_emotion = loaded.anyface_system_hears_emotion(number) == 1
-    starts = loaded.anyface_system_starts_from_pose(number) == 1
-    has = loaded.anyface_system_has_slider
-    sliders_of_system = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
-    able = takes_events, hears_emotion, starts
-    return System(name, label, text, controls, *able, sliders_of_system)
+def _system(described: dict) -> System:
+    abilities = described["abilities"]
+    return System(
+        name=described["name"],
+        label=described["label"],
+        help=described["help"],
+        controls=tuple(map(_control, described["controls"])),
+        fields=tuple(Field(**row) for row in described["fields"]),
+        emotions=tuple(described["emotions"]),
+        takes_events="events" in abilities,
+        hears_emotion="emotion" in abilities,
+        starts_from_pose="first_pose" in abilities,
+        sliders=tuple(name for name in described["sliders"] if name in sliders.NAMES),
+    )
 
 
-def _control(loaded, system: int, number: int) -> Control:
-    description = library.Control()
-    if loaded.anyface_system_control(system, number, byref(description), sizeof(description)) != 0:
-        text = f"the library cannot describe control {number} of system {system}"
-        raise AnyfaceError("internal", text)
-    name, unit = description.name.decode(), description.unit.decode()
+def _control(row: dict) -> Control:
     return Control(
-        name=name,
-        flag=name.removesuffix(f"_{unit}").replace("_", "-"),
-        label=description.label.decode(),
-        help=description.help.decode(),
-        choices=tuple(description.choices[at].decode() for at in range(description.choice_count)),
-        values=description.values,
-        stage=description.stage,
-        low=description.low,
-        high=description.high,
-        default=description.default_value,
-        is_animatable=bool(description.animatable),
+        name=row["name"],
+        flag=row["name"].removesuffix(f"_{row['unit']}").replace("_", "-"),
+        label=row["label"],
+        help=row["help"],
+        choices=tuple(row["choices"]),
+        values=row["values"],
+        stage=row["stage"],
+        low=row["low"],
+        high=row["high"],
+        default=row["default"],
+        is_animatable=row["animatable"],
     )

@@ -89,53 +89,48 @@ class OpenedFace:
 
 # What a viewer sees of a face, in the order of `AnyfaceVisibility`.
 VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
-# Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
+# Where the emotion comes from. A source other than "GIVEN" has a word where an emotion could be
+# written.
 EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF", "AROUSAL")
-# Words that select a source where an emotion could be written.
 EMOTION_WORDS = {"auto": "VOICE", "auto-arousal": "AROUSAL", "off": "OFF"}
+WORD_OF_SOURCE = {source: word for word, source in EMOTION_WORDS.items()}
 
 
 @dataclass
 class Request:
     """How the character shall speak, and in which form its motion is wanted.
 
-    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample. It is
-    used only if `emotion_source` is "GIVEN". `controls` are numbers by the names of
-    `systems.Control`; controls that are left out have their defaults. Controls in `control_keys`
-    follow `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says
-    about the mesh's parts. `error_mm` is the largest error of a basis, on a head of human size;
-    None asks for the displacements of every frame instead of a basis. `keeps_clip` asks for neither
-    of them but for the clip itself, on which weights of shapes are solved. The lips close during
-    `closures` `[N, 2]`, seconds; with None the library hears from the sound when they close.
-    `events` are for systems that take them. `emotion_of` is another recording: systems that hear
-    emotion show the emotion of that one. A `layered` take keeps the emotion in vectors of its own.
-    `neutral_voice` is a recording of the same person speaking neutrally: the emotion is then heard
-    in how the voice differs from it. `text` are the words that are spoken: their places are found
-    in the sound, and the mouth then shows their sounds. `output` names the output that writes the
-    motion. `starts_from` `[V, 3]` are displacements from rest, the pose in which the face begins,
-    for systems that can start from one. With `named_keys` the vectors of a basis follow controls
-    and have their names. Without it they are chosen so that the fewest of them move in a frame.
+    `fields` are values by the names of `systems.Field`; fields that are left out have their
+    defaults. A text stands as it is. Intervals are `[N, 2]`, seconds. A pose is `[V, 3]`,
+    displacements from rest. An emotion is a text such as "happy:0.7" or "auto", or a list of
+    `(time_s, strengths[15])` in rising order, times from the first sample.
+
+    `controls` are numbers by the names of `systems.Control`; controls that are left out have their
+    defaults. Controls in `control_keys` follow `(times_s [N], values [N])` instead, linear in
+    between. `roles` is what the artist says about the mesh's parts. `error_mm` is the largest error
+    of a basis, on a head of human size; None asks for the displacements of every frame instead of a
+    basis. `keeps_clip` asks for neither of them but for the clip itself, on which weights of shapes
+    are solved. `events` are for systems that take them. A `layered` take keeps the emotion in
+    vectors of its own. `output` names the output that writes the motion. With `named_keys` the
+    vectors of a basis follow controls and have their names. Without it they are chosen so that the
+    fewest of them move in a frame.
     """
 
     fps: float
-    emotion: list[tuple[float, list[float]]] = field(default_factory=list)
-    seed: int = 0
-    style: str = ""
+    fields: dict[str, object] = field(default_factory=dict)
     error_mm: float | None = 0.1
-    emotion_source: str = "GIVEN"
     controls: dict[str, float] = field(default_factory=dict)
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     roles: PartRoles | None = None
-    closures: np.ndarray | None = None
     events: list[Event] = field(default_factory=list)
-    emotion_of: "Sound | None" = None
-    neutral_voice: "Sound | None" = None
-    text: str = ""
     layered: bool = False
     output: str = ""
-    starts_from: np.ndarray | None = None
     keeps_clip: bool = False
     named_keys: bool = True
+
+    def with_fields(self, **more) -> "Request":
+        """A copy with other values of some fields."""
+        return replace(self, fields=self.fields | more)
 
 
 @dataclass

@@ -18,7 +18,7 @@ from ..core.job import BEGUN, Progress, at_once
 from ..core.native_live import StreamedFace
 from ..core.plan import Plan
 from ..core.source import SoundSource
-from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
+from ..core.take import WORD_OF_SOURCE, FaceMesh, Request, Sound, Take, WrittenFile
 from . import event_strips, identity, live, outputs
 from .animation import emotion
 from .face import mesh, opening, pieces
@@ -129,14 +129,13 @@ class Snapshot:
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
-            request = replace(request, closures=np.array(closed).reshape(-1, 2))
+            request = request.with_fields(closures=np.array(closed).reshape(-1, 2))
         if self.emotion_sound is not None:
-            request = replace(
-                request, emotion_of=self.emotion_sound.load(decode.decoder(self.engine))
-            )
+            other = self.emotion_sound.load(decode.decoder(self.engine))
+            request = request.with_fields(emotion_of=other)
         if self.neutral is not None:
             neutral = self.neutral.load(decode.decoder(self.engine))
-            request = replace(request, neutral_voice=neutral)
+            request = request.with_fields(neutral_voice=neutral)
         return voice, request
 
     def ask(self, function, progress: Progress, *more):
@@ -192,22 +191,23 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     notes += asked_for.notes
     request = Request(
         fps=settings.fps or scene_fps,
-        emotion=_emotion(ob, scene, settings, when),
-        seed=settings.seed,
-        style=settings.style,
+        fields={
+            "emotion": _emotion(ob, scene, settings, when),
+            "seed": settings.seed,
+            "style": settings.style,
+            "text": settings.text,
+            "starts_from": _pose(ob, face, settings),
+        },
         error_mm=settings.error_mm if output.as_basis else None,
-        emotion_source=settings.emotion_source,
         controls=settings.controls | settings.fixed_controls,
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,
-        text=settings.text,
         layered=output.as_basis
         and settings.layered
         and systems.by_name(settings.system).hears_emotion,
         output=output.name,
         named_keys=settings.named_keys,
-        starts_from=_pose(ob, face, settings),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]
     return Snapshot(
@@ -428,6 +428,9 @@ def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
 
 
 def _emotion(ob, scene, settings: Settings, when: tuple):
+    """The word of another source, or rows of strengths over time."""
+    if settings.emotion_source != "GIVEN":
+        return WORD_OF_SOURCE[settings.emotion_source]
     if settings.blend is not None:
         return [(0.0, list(settings.blend))]
     return emotion.emotion_keys(ob, scene, settings, *when)

@@ -6,9 +6,11 @@ use anyface::{
     MotionRequest, Performance,
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion, Stretch, bounds::DISPLACEMENT, check_fps},
+    motion::{LandmarkClip, Life, Motion, Pose, Stretch, bounds::DISPLACEMENT, check_fps},
     spread::pose_on,
+    systems::FieldValue,
 };
+use libc::c_char;
 use ndarray::{ArrayView2, ArrayView3};
 
 use crate::{
@@ -338,6 +340,39 @@ pub unsafe extern "C" fn anyface_motion_new_pose(
         Ok(AnyfaceMotion::new(source))
     };
     unsafe { guard::give(out, error, make) }
+}
+
+/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
+/// its tongue.
+///
+/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_request_set_motion(
+    request: *mut AnyfaceRequest,
+    name: *const c_char,
+    motion: *const AnyfaceMotion,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe {
+        AnyfaceRequest::set(request, name, error, || {
+            let pose = last_pose(pointer::handle("motion", motion)?)?;
+            Ok(FieldValue::Pose(Box::new(pose)))
+        })
+    }
+}
+
+fn last_pose(whole: &AnyfaceMotion) -> Result<Pose, Failure> {
+    let motion = whole.motion();
+    let clip = motion.landmarks();
+    let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
+    let last = last.zip(whole.life().tongue.outer_iter().last());
+    let (landmarks, tongue) = last.ok_or_else(|| {
+        let (frames, kind) = (motion.frames(), motion.kind());
+        Failure::invalid(format!(
+            "motion: expected frames of landmarks, got {frames} of {kind}"
+        ))
+    })?;
+    Ok(Pose::of_frame(landmarks, tongue))
 }
 
 fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failure> {

@@ -65,7 +65,7 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, for a frame out of range,
 /// for a motion that the caller brought or that was redone or cut from another one, or if the
 /// system of the engine or of the motion does not separate emotion from speech: see
-/// `anyface_system_hears_emotion()`.
+/// `anyface_describe()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_copy_mask(
     motion: *const AnyfaceMotion,

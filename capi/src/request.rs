@@ -1,11 +1,10 @@
-//! What is asked of a face and of a performance, by name.
+//! Requests: how a face and a performance shall be, by name.
 
 use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
     MotionRequest,
     conditions::{ControlStage, Controls},
-    motion::Pose,
     systems::{FieldValue, SYSTEMS, describe, set_field},
 };
 use libc::c_char;
@@ -14,13 +13,11 @@ use ndarray::ArrayView2;
 use crate::{
     audio::AnyfaceAudio,
     error::{AnyfaceError, Failure},
-    guard,
-    motion::AnyfaceMotion,
-    pointer,
+    guard, pointer,
     status::AnyfaceStatus,
 };
 
-/// What is asked of a face and of a performance. `anyface_describe()` lists the names of fields and
+/// How a face and a performance shall be. `anyface_describe()` lists the names of fields and
 /// controls that a system obeys; whatever is not set has its default. One request may serve any
 /// number of faces and performances: a face reads the controls of the stage `face`, a performance
 /// everything else. No other call may use it while it is changed.
@@ -33,12 +30,12 @@ impl AnyfaceRequest {
     /// # Safety
     /// `request` is NULL or a request that is neither freed nor changed during the call.
     pub(crate) unsafe fn motion(request: *const AnyfaceRequest) -> MotionRequest {
-        let Some(AnyfaceRequest(asked)) = (unsafe { request.as_ref() }) else {
+        let Some(AnyfaceRequest(whole)) = (unsafe { request.as_ref() }) else {
             return MotionRequest::default();
         };
         MotionRequest {
-            controls: of_stage(&asked.controls, ControlStage::Motion),
-            ..asked.clone()
+            controls: of_stage(&whole.controls, ControlStage::Motion),
+            ..whole.clone()
         }
     }
 
@@ -48,14 +45,14 @@ impl AnyfaceRequest {
     /// As [`AnyfaceRequest::motion`].
     pub(crate) unsafe fn face_controls(request: *const AnyfaceRequest) -> Controls {
         match unsafe { request.as_ref() } {
-            Some(AnyfaceRequest(asked)) => of_stage(&asked.controls, ControlStage::Face),
+            Some(AnyfaceRequest(whole)) => of_stage(&whole.controls, ControlStage::Face),
             None => Controls::default(),
         }
     }
 
     /// # Safety
     /// As for the functions below.
-    unsafe fn set(
+    pub(crate) unsafe fn set(
         request: *mut AnyfaceRequest,
         name: *const c_char,
         error: *mut *mut AnyfaceError,
@@ -65,9 +62,9 @@ impl AnyfaceRequest {
             let request = unsafe { pointer::handle_mut("request", request) }?;
             let name = unsafe { pointer::text("name", name) }?;
             // A refusal leaves the request as it was.
-            let mut asked = request.0.clone();
-            set_field(&mut asked, name, value()?)?;
-            request.0 = asked;
+            let mut copy = request.0.clone();
+            set_field(&mut copy, name, value()?)?;
+            request.0 = copy;
             Ok(())
         };
         unsafe { guard::guard(error, work) }
@@ -80,11 +77,11 @@ fn of_stage(controls: &Controls, stage: ControlStage) -> Controls {
 }
 
 static DESCRIPTIONS: LazyLock<Vec<(CString, CString)>> = LazyLock::new(|| {
-    let described = |system: &&_| {
+    let description = |system: &&_| {
         let text = describe(system);
         (pointer::c_text(system.name), pointer::c_text(&text))
     };
-    SYSTEMS.iter().map(described).collect()
+    SYSTEMS.iter().map(description).collect()
 });
 
 /// The name by which `AnyfaceEngineOptions` selects a system: 0 is the default one. NULL after the
@@ -96,7 +93,7 @@ pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
     })
 }
 
-/// Describes everything that can be asked of a system as a JSON object: `name`, `label` and `help`;
+/// Describes what a system obeys as a JSON object: `name`, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
 /// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
@@ -110,14 +107,14 @@ pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
 pub unsafe extern "C" fn anyface_describe(system: *const c_char) -> *const c_char {
     guard::guard_or(null(), || {
         let name = unsafe { pointer::optional_text("system", system) };
-        let described = match name {
+        let description = match name {
             Ok(None) => DESCRIPTIONS.first(),
             Ok(Some(name)) => DESCRIPTIONS
                 .iter()
                 .find(|(known, _)| known.to_bytes() == name.as_bytes()),
             Err(_) => None,
         };
-        pointer::lend(described.map(|(_, text)| text))
+        pointer::lend(description.map(|(_, text)| text))
     })
 }
 
@@ -216,40 +213,6 @@ pub unsafe extern "C" fn anyface_request_set_sound(
     }
 }
 
-/// Asks for a field of the kind "pose": the last frame of a motion of landmarks, which is copied, with
-/// its tongue.
-///
-/// Fails like `anyface_request_set_text()`, also for a motion without frames or of another kind.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_request_set_motion(
-    request: *mut AnyfaceRequest,
-    name: *const c_char,
-    motion: *const AnyfaceMotion,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    unsafe {
-        AnyfaceRequest::set(request, name, error, || {
-            Ok(FieldValue::Pose(last_pose(pointer::handle(
-                "motion", motion,
-            )?)?))
-        })
-    }
-}
-
-fn last_pose(whole: &AnyfaceMotion) -> Result<Pose, Failure> {
-    let motion = whole.motion();
-    let clip = motion.landmarks();
-    let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
-    let last = last.zip(whole.life().tongue.outer_iter().last());
-    let (landmarks, tongue) = last.ok_or_else(|| {
-        let (frames, kind) = (motion.frames(), motion.kind());
-        Failure::invalid(format!(
-            "motion: expected frames of landmarks, got {frames} of {kind}"
-        ))
-    })?;
-    Ok(Pose::of_frame(landmarks, tongue))
-}
-
 /// Frees a request that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_request_free(request: *mut AnyfaceRequest) {
@@ -300,14 +263,14 @@ pub(crate) mod tests {
                 OK
             );
         }
-        let asked = unsafe { AnyfaceRequest::motion(&request) };
+        let whole = unsafe { AnyfaceRequest::motion(&request) };
         assert_eq!(
-            (asked.fps, asked.closures),
+            (whole.fps, whole.closures),
             (24.0, Some(vec![[0.1, 0.2], [0.3, 0.4]]))
         );
-        assert!((asked.emotion.strongest() - 0.5).abs() < 1e-6 && asked.script.is_some());
+        assert!((whole.emotion.strongest() - 0.5).abs() < 1e-6 && whole.script.is_some());
         assert_eq!(
-            asked.controls.animated("articulation").unwrap().at(1.0),
+            whole.controls.animated("articulation").unwrap().at(1.0),
             1.0
         );
     }

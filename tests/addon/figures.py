@@ -165,7 +165,7 @@ class Stage:
         *_, sound, request, _progress = arguments
         self.calls.append((positions, *arguments[:-1]))
         frames = int(np.ceil(sound.duration_s * request.fps))
-        moved = motion(frames, len(positions), self.rank, self.size, request.seed)
+        moved = motion(frames, len(positions), self.rank, self.size, request.fields["seed"])
         animation = self.take_module.Animation(self.size * 1000.0)
         animation.displacements = moved[rows.start : rows.stop]
         return animation

@@ -32,7 +32,7 @@ class SlowStage(Stage):
         if (MARKS / "crash").exists():
             (MARKS / "crash").unlink()
             os.abort()
-        if str(arguments[5].seed) == os.environ.get("ANYFACE_TEST_KILL"):
+        if str(arguments[5].fields["seed"]) == os.environ.get("ANYFACE_TEST_KILL"):
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(float(os.environ.get("ANYFACE_TEST_S", "0")))
         return super().animate(*arguments)

@@ -64,8 +64,8 @@ def test_the_library_sees_the_head_in_the_world(stage, tmp_path):
     assert np.abs(positions - np.array(expected)).max() < 1e-5
     assert len(local) == len(positions) and len(triangles) == 2 * 11 * 11
     assert points is None and numbers is None
-    assert (request.seed, request.controls["steps"], request.fps) == (7, 4, 24.0)
-    assert request.emotion == [(0.0, [0, 0.5] + [0] * 13)]
+    assert (request.fields["seed"], request.controls["steps"], request.fps) == (7, 4, 24.0)
+    assert request.fields["emotion"] == [(0.0, [0, 0.5] + [0] * 13)]
     # A mirrored object gets its winding reversed: the first triangle's normal still points outside.
     first = ob.data.polygons[0]
     assert list(triangles[0]) != list(first.vertices)[:3]
@@ -156,7 +156,7 @@ def test_keyframed_emotion_becomes_a_curve(stage, tmp_path):
         ob.anyface.intensity = value
         ob.keyframe_insert("anyface.intensity", frame=frame)
     bpy.ops.anyface.generate()
-    keys = stage.calls[0][5].emotion
+    keys = stage.calls[0][5].fields["emotion"]
     assert keys[0] == (0.0, [0.0] * 15)
     times, values = zip(*[(time, row[5]) for time, row in keys], strict=True)
     assert list(values) == sorted(values) and values[-1] == pytest.approx(1.0, abs=1e-3)

@@ -55,10 +55,10 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
     )
     assert code == 0
     request = run.stage.calls[0][5]
-    assert (request.fps, request.seed, request.controls["steps"]) == (12.0, 9, 3)
+    assert (request.fps, request.fields["seed"], request.controls["steps"]) == (12.0, 9, 3)
     names = ("jaw", "blinks_per_minute", "decoder", "articulation")
     assert [request.controls[name] for name in names] == [-0.5, 7.0, 1.0, 1.0]
-    row = request.emotion[0][1]
+    row = request.fields["emotion"][0][1]
     assert row[1] == 0.7 and row[3] == 0.2
     outcome = json.loads(report.read_text())
     assert outcome["ok"] and outcome["exit_code"] == 0 and "24 frames" in outcome["message"]
@@ -73,7 +73,7 @@ def test_options_that_are_left_out_come_from_the_object(run, tmp_path):
     sound = tone(tmp_path / "a.wav")
     save = ("--save", tmp_path / "o.blend")
     assert run("bake", "--object", "Head", "--audio", sound, *save) == 0
-    assert run.stage.calls[0][5].seed == 5
+    assert run.stage.calls[0][5].fields["seed"] == 5
     assert not ob.data.shape_keys.use_relative
     assert run("bake", "--object", "Head", "--audio", sound, "--mode", "basis", *save) == 0
     assert ob.data.shape_keys.use_relative
@@ -101,7 +101,7 @@ def test_words_come_from_an_option_or_a_file(run, tmp_path, capfd):
     asked = (), other, ("--text", "hello"), (*other, "--text-file", file)
     for words in asked:
         assert run(*bake, *words) == 0
-    texts = [call[5].text for call in run.stage.calls]
+    texts = [call[5].fields["text"] for call in run.stage.calls]
     assert texts == ["what the own sound says", "", "hello", "Good evening."]
     assert run(*bake, "--text", "a", "--text-file", file) == 2
     file.write_bytes(b"\xff\xfe\xff")

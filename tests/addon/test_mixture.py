@@ -47,7 +47,7 @@ def rows(ob):
 
 def requested_emotion(stage):
     """The emotion that the stage was asked for: times `[N]` and strengths `[N, 15]`."""
-    keys = stage.calls[-1][-1].emotion
+    keys = stage.calls[-1][-1].fields["emotion"]
     return np.array([time for time, _ in keys]), np.array([row for _, row in keys])
 
 

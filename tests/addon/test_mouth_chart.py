@@ -93,7 +93,7 @@ def test_closures_that_the_artist_mended_count(stage, addon, tmp_path, monkeypat
     shown = [(0.1, 0.2, "MBP"), (0.4, 0.5, "f")]
     monkeypatch.setattr(addon("scene.sound.sounds"), "read", lambda *_: shown)
     bpy.ops.anyface.mouth_chart()
-    np.testing.assert_allclose(stage.calls[-1][1].closures, [[0.1, 0.2]])
+    np.testing.assert_allclose(stage.calls[-1][1].fields["closures"], [[0.1, 0.2]])
 
 
 def test_curves_are_constant_and_a_second_chart_replaces_them(stage, tmp_path):

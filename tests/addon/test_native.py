@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -22,10 +23,7 @@ NUMBERS = {
     "AnyfaceFramesFn": ctypes.c_void_p,
 }
 
-STRUCTS = (
-    "EngineOptions", "FaceOptions", "MotionOptions", "Control", "ControlSetting",
-    "Event",
-)  # fmt: skip
+STRUCTS = ("EngineOptions", "FaceOptions", "Event")
 
 
 def plain(header):
@@ -107,12 +105,12 @@ def test_controls_are_numbers_that_the_library_takes(addon, engine):
     systems, take = addon("core.systems"), addon("core.take")
     known = systems.find("", systems.known())
     request = take.Request(24.0, controls={c.name: c.default for c in known.controls})
-    face, motion = ([c.name for c in known.controls if c.stage == stage] for stage in (0, 1))
+    stages = systems.FACE, systems.MOTION
+    face, motion = ([c.name for c in known.controls if c.stage == stage] for stage in stages)
     assert "learned" in face and "articulation" in motion
-    options = addon("core.library").MotionOptions()
-    alive = engine._control(options, request, systems.MOTION)
-    names = [options.controls[at].name.decode() for at in range(options.control_count)]
-    assert names == motion and alive
+    with ExitStack() as handles:
+        assert all(engine._controls(handles, request, stage) for stage in stages)
+    assert {"text", "neutral_voice", "closures"} <= {known.name for known in known.fields}
     with pytest.raises(addon("core.errors").AnyfaceError, match="expected one of freetalk"):
         systems.find("nobody", systems.known())
 
@@ -232,13 +230,14 @@ def test_a_chart_is_drawn_of_the_default_head_and_obeys_its_closures(addon, engi
     noise = np.random.default_rng(0).normal(0.0, 0.1, 32_000).astype(np.float32)
     sound = take.Sound(noise, 16000.0, "noise")
     progress = addon("core.job").Progress()
-    request = take.Request(24.0, emotion_source="OFF", closures=np.array([[0.5, 0.6], [1.2, 1.3]]))
+    fields = {"emotion": "off", "closures": np.array([[0.5, 0.6], [1.2, 1.3]])}
+    request = take.Request(24.0, fields)
     for kind, closed in [(module.RHUBARB, "A"), (module.PRESTON_BLAIR, "MBP")]:
         arguments = *head, None, None, sound, request, progress, kind, 2, 2
         chart = engine.chart(*arguments, closure_hold=6)
         assert {mouth for _, _, mouth in chart} <= set(module.MOUTHS[kind])
         assert chart[0][0] == 0.0 and chart[-1][1] == pytest.approx(2.0, abs=0.1)
         shut = [(start, end) for start, end, mouth in chart if mouth == closed]
-        for start_s, end_s in request.closures:
+        for start_s, end_s in fields["closures"]:
             inside = [(a, b) for a, b in shut if a <= start_s and b >= end_s]
             assert inside and all((b - a) * 24.0 >= 5.9 for a, b in inside)

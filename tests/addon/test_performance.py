@@ -54,7 +54,7 @@ def test_drivers_on_sliders_become_curves(stage, face):
     assert bpy.context.scene.frame_current == 7
     times, values = last_request(stage).control_keys["articulation"]
     assert np.interp([0.0, 1.9], times, values) == pytest.approx([1 / 49, 46.6 / 49], abs=0.01)
-    emotion = last_request(stage).emotion
+    emotion = last_request(stage).fields["emotion"]
     # Two seconds of sound, ten rows a second.
     assert 20 <= len(emotion) <= 23 and emotion[0][1][0] == pytest.approx(0.51, abs=0.01)
 

@@ -151,7 +151,7 @@ def marks():
 
 
 def requested_closures(stage):
-    closures = stage.calls[-1][-1].closures
+    closures = stage.calls[-1][-1].fields.get("closures")
     return None if closures is None else np.round(closures, 4).tolist()
 
 
@@ -202,12 +202,12 @@ def with_words(tmp_path):
 
 def test_words_of_the_text_stand_above_the_closures(stage, tmp_path):
     _, words, closures = with_words(tmp_path)
-    assert stage.calls[-1][-1].text == ""
+    assert stage.calls[-1][-1].fields["text"] == ""
     assert [s.text for s in words] == ["bob", "said", "hello"]
     assert [s.text for s in closures] == ["MBP", "MBP"] and all(s.mute for s in words)
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     assert requested_closures(stage) == [[0.30, 0.38], [1.02, 1.06]]
-    assert stage.calls[-1][-1].text == "bob said hello"
+    assert stage.calls[-1][-1].fields["text"] == "bob said hello"
 
 
 def test_a_text_belongs_to_its_sound(stage, tmp_path):

@@ -155,7 +155,7 @@ class Other(Waves):
         """The frames `rows` of `animate`."""
         *rest, sound, request, progress = arguments
         animation = self.animate(positions, *rest, sound, request, progress)
-        sign = -1.0 if request.seed == 5 else 1.0
+        sign = -1.0 if request.fields["seed"] == 5 else 1.0
         animation.displacements = sign * animation.displacements[rows.start : rows.stop]
         return animation
 

@@ -54,7 +54,8 @@ class Snapshot:
         voice = self.source.load(decode.decoder(self.engine))
         if self.closed is not None:
             lips = [[a, b] for a, b, label in self.closed if self.engine.closes_lips(label)]
-            self.request.closures = np.array(lips).reshape(-1, 2)
+            closures = np.array(lips).reshape(-1, 2)
+            self.request = self.request.with_fields(closures=closures)
         note = ""
         if self.face is not None:
             try:
@@ -93,9 +94,11 @@ def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, e
     fps = scene.render.fps / scene.render.fps_base
     keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
     request = Request(
-        fps=fps, seed=settings.seed, style=settings.style, emotion_source="OFF",
-        controls=settings.controls, control_keys=keys, text=settings.text,
-    )  # fmt: skip
+        fps,
+        {"seed": settings.seed, "style": settings.style, "emotion": "off", "text": settings.text},
+        controls=settings.controls,
+        control_keys=keys,
+    )
     is_face = ob.type == "MESH" and len(ob.data.polygons) > 0
     face = bake.read_face(ob, settings, editable=False) if is_face else None
     request.roles = face.roles if face is not None else None

@@ -84,16 +84,17 @@ def request_of(
     text: str = "",
 ) -> Request:
     """Builds the request for a performance. The library keeps the clip until all of it is read."""
-    request = Request(float(fps), seed=seed, style=style, text=text, keeps_clip=True)
+    fields = {"seed": str(seed), "style": style, "text": text}
+    request = Request(float(fps), fields, keeps_clip=True)
     if events:
         request.events = Reader(engine.models).events_of_lines("\n".join(events))
     if isinstance(emotions, str) and emotions in EMOTION_WORDS:
-        request.emotion_source = EMOTION_WORDS[emotions]
+        fields["emotion"] = emotions
     else:
         rows = [(0.0, emotions)] if isinstance(emotions, str) else emotions
-        request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]
+        fields["emotion"] = [(float(second), emotion.parse(text)) for second, text in rows]
     if neutral_voice is not None:
-        request.neutral_voice = sound_of(neutral_voice, engine)
+        fields["neutral_voice"] = sound_of(neutral_voice, engine)
     known = {control.name: control for control in engine.controls}
     for name, value in controls.items():
         if name not in known:

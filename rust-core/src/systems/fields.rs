@@ -1,4 +1,4 @@
-//! Everything that can be asked of a performance, by name.
+//! Everything that one can ask of a performance, by name.
 //!
 //! A setting that is no control of a system is written down once, in [`FIELDS`]: how it is called,
 //! what it takes, who obeys it and how it enters a [`MotionRequest`]. The C interface, Python and the
@@ -33,7 +33,7 @@ pub struct Field {
     pub kind: FieldKind,
     /// The ability of the systems that obey it; `None` if all do.
     pub needs: Option<Ability>,
-    set: fn(&mut MotionRequest, &Asked<'_>) -> Result<()>,
+    set: fn(&mut MotionRequest, &NamedValue<'_>) -> Result<()>,
 }
 
 /// What a field takes.
@@ -41,7 +41,7 @@ pub struct Field {
 pub enum FieldKind {
     /// A number.
     Number,
-    /// A text; an empty one is as if nothing had been asked.
+    /// A text; an empty one is as if nothing had been value.
     Text,
     /// A text such as `happy:0.7`, `auto`, `auto-arousal` or `off`, or rows with times: the strength of
     /// each of the [`EMOTIONS`], linear between the rows.
@@ -69,11 +69,11 @@ pub enum FieldValue<'a> {
     /// A sound.
     Sound(&'a Waveform),
     /// A pose.
-    Pose(Pose),
+    Pose(Box<Pose>),
 }
 
-/// A value, and the name under which it was asked.
-struct Asked<'a> {
+/// A value, and the name of its field or control.
+struct NamedValue<'a> {
     name: &'a str,
     value: FieldValue<'a>,
 }
@@ -86,8 +86,8 @@ pub static FIELDS: &[Field] = &[
         help: "What the face feels, and how strongly: named, heard in the voice, or nothing at all.",
         kind: FieldKind::Emotion,
         needs: None,
-        set: |request, asked| {
-            request.emotion = asked.emotion()?;
+        set: |request, value| {
+            request.emotion = value.emotion()?;
             Ok(())
         },
     },
@@ -97,8 +97,8 @@ pub static FIELDS: &[Field] = &[
         help: "Another recording, whose emotion the face shows.",
         kind: FieldKind::Sound,
         needs: Some(Ability::Emotion),
-        set: |request, asked| {
-            request.emotion_of = Some(Arc::new(VoiceTrack::checked(asked.sound()?)?));
+        set: |request, value| {
+            request.emotion_of = Some(Arc::new(VoiceTrack::checked(value.sound()?)?));
             Ok(())
         },
     },
@@ -109,8 +109,8 @@ pub static FIELDS: &[Field] = &[
                then heard as the difference from it.",
         kind: FieldKind::Sound,
         needs: None,
-        set: |request, asked| {
-            request.neutral_voice = Some(Arc::new(VoiceTrack::neutral(asked.sound()?)?));
+        set: |request, value| {
+            request.neutral_voice = Some(Arc::new(VoiceTrack::neutral(value.sound()?)?));
             Ok(())
         },
     },
@@ -120,8 +120,8 @@ pub static FIELDS: &[Field] = &[
         help: "The words that are spoken. Their places are found in the sound, and the mouth then shows their sounds.",
         kind: FieldKind::Text,
         needs: None,
-        set: |request, asked| {
-            let text = asked.text()?;
+        set: |request, value| {
+            let text = value.text()?;
             request.script = text.map(|text| Arc::new(Script::Text(text.to_owned())));
             Ok(())
         },
@@ -132,8 +132,8 @@ pub static FIELDS: &[Field] = &[
         help: "When the lips are together, instead of where that is heard.",
         kind: FieldKind::Intervals,
         needs: None,
-        set: |request, asked| {
-            let closures = asked.intervals()?;
+        set: |request, value| {
+            let closures = value.intervals()?;
             check_closures(&closures)?;
             request.closures = Some(closures);
             Ok(())
@@ -145,8 +145,8 @@ pub static FIELDS: &[Field] = &[
         help: "What the face has to do, and when.",
         kind: FieldKind::Events,
         needs: Some(Ability::Events),
-        set: |request, asked| {
-            request.events = match asked.text()? {
+        set: |request, value| {
+            request.events = match value.text()? {
                 Some(json) => Reader::new(None).events_of_json(json)?,
                 None => Vec::new(),
             };
@@ -159,12 +159,12 @@ pub static FIELDS: &[Field] = &[
         help: "The pose in which the face begins.",
         kind: FieldKind::Pose,
         needs: Some(Ability::FirstPose),
-        set: |request, asked| match &asked.value {
+        set: |request, value| match &value.value {
             FieldValue::Pose(pose) => {
-                request.starts_from = Some(pose.clone());
+                request.starts_from = Some(**pose);
                 Ok(())
             }
-            _ => asked.refuse("a motion"),
+            _ => value.refuse("a motion"),
         },
     },
     Field {
@@ -173,8 +173,8 @@ pub static FIELDS: &[Field] = &[
         help: "The speaking style by name; without one, the model's own.",
         kind: FieldKind::Text,
         needs: None,
-        set: |request, asked| {
-            request.style = asked.text()?.map(str::to_owned);
+        set: |request, value| {
+            request.style = value.text()?.map(str::to_owned);
             Ok(())
         },
     },
@@ -184,8 +184,8 @@ pub static FIELDS: &[Field] = &[
         help: "Frames per second of the result, 1 to 240.",
         kind: FieldKind::Number,
         needs: None,
-        set: |request, asked| {
-            request.fps = asked.number()?;
+        set: |request, value| {
+            request.fps = value.number()?;
             check_fps(request.fps)
         },
     },
@@ -195,8 +195,8 @@ pub static FIELDS: &[Field] = &[
         help: "The same seed makes the same motion. It decides about blinks, brow accents, head, gaze and variety.",
         kind: FieldKind::Number,
         needs: None,
-        set: |request, asked| {
-            request.seed = asked.seed()?;
+        set: |request, value| {
+            request.seed = value.seed()?;
             Ok(())
         },
     },
@@ -213,14 +213,15 @@ pub fn set_field<'a>(
     name: &'a str,
     value: FieldValue<'a>,
 ) -> Result<()> {
-    let asked = Asked { name, value };
+    let value = NamedValue { name, value };
     if let Some(field) = FIELDS.iter().find(|field| field.name == name) {
-        return (field.set)(request, &asked);
+        return (field.set)(request, &value);
     }
     let mut controls = SYSTEMS.iter().flat_map(|system| system.controls());
     match controls.find(|control| control.name == name) {
         Some(control) => {
-            let curve = asked.curve(control)?;
+            let constant = request.controls.get(name);
+            let curve = value.curve(control, constant)?;
             request.controls.set_curve(name, curve);
             Ok(())
         }
@@ -249,7 +250,7 @@ impl FieldKind {
     }
 }
 
-impl Asked<'_> {
+impl NamedValue<'_> {
     fn refuse<T>(&self, expected: impl Display) -> Result<T> {
         let got = match &self.value {
             FieldValue::Number(x) => format!("{x}"),
@@ -345,8 +346,9 @@ impl Asked<'_> {
         )))
     }
 
-    /// The curve of a control. Ranges are checked when a system performs.
-    fn curve(&self, control: &Control) -> Result<ControlCurve> {
+    /// The curve of a control; `constant` is its number so far, which a curve over time keeps. Ranges
+    /// are checked when a system performs.
+    fn curve(&self, control: &Control, constant: Option<f32>) -> Result<ControlCurve> {
         match &self.value {
             FieldValue::Number(x) => Ok(ControlCurve {
                 value: *x as f32,
@@ -358,7 +360,7 @@ impl Asked<'_> {
             }),
             FieldValue::Rows(Some(times_s), rows) if rows.ncols() == 1 && !times_s.is_empty() => {
                 Ok(ControlCurve {
-                    value: rows[[0, 0]] as f32,
+                    value: constant.unwrap_or(rows[[0, 0]] as f32),
                     keys: times_s
                         .iter()
                         .copied()
@@ -376,12 +378,12 @@ mod tests {
     use super::*;
     use ndarray::{Array2, array};
 
-    fn with(name: &str, value: FieldValue<'_>) -> Result<MotionRequest> {
+    fn with<'a>(name: &'a str, value: FieldValue<'a>) -> Result<MotionRequest> {
         let mut request = MotionRequest::default();
         set_field(&mut request, name, value).map(|()| request)
     }
 
-    fn refusal(name: &str, value: FieldValue<'_>) -> String {
+    fn refusal<'a>(name: &'a str, value: FieldValue<'a>) -> String {
         with(name, value).unwrap_err().to_string()
     }
 
