@@ -20,9 +20,9 @@ const MOVING: &str = "talking_heads.webp";
 /// Skips the link-time optimisation of `release`. The library computes the same results.
 const PROFILE: &str = "demo";
 
-/// Animates three heads and Suzanne with a sentence. On two idle cores the first run takes about 6
+/// Animates three heads and Suzanne with a sentence. On two idle cores the first run takes about 7
 /// minutes: it builds the library while it installs Blender's Python module, and the heads speak in
-/// the .blend after 4. Later runs take 2 minutes, which they spend on rendering.
+/// the .blend after 5. Later runs take 2 minutes, which they spend on rendering.
 #[derive(Args)]
 pub struct Demo {
     /// The sentence to speak, by flite or espeak-ng.
