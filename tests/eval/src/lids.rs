@@ -120,11 +120,7 @@ impl Lids {
         let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
         let skin = near_eyes(&face);
         let mut row = Row::new(subject.title.clone(), &face);
-        let cells = Cells {
-            mesh: &subject.mesh,
-            face: &face,
-            tongue: 0..0,
-        };
+        let cells = Cells::new(&subject.mesh, &face);
         let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
         let mut columns = Vec::new();
         for emotion in EMOTIONS {

@@ -124,11 +124,7 @@ fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture>
     let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
     let drop: Array3<f32> = after.motion_on_mesh(MouthTrial::jaw_drop().view());
     let frames = spread_landmarks(engine, &after, drop)?;
-    let cells = Cells {
-        mesh: &opened.mesh,
-        face: &after,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(&opened.mesh, &after);
     let front = View::about(&after, 48..68, SIZE, HALF_HEIGHT_M);
     let views = [front, front.turned(&after, 48..68, TURNED)];
     let open = frames.index_axis(Axis(0), 0);

@@ -251,11 +251,7 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
 /// Draws each frame from the front and turned. Lips that are one surface are painted, since nothing
 /// else shows them.
 fn picture(face: &Face, frames: &[Option<ArrayView2<'_, f32>>]) -> Picture {
-    let cells = Cells {
-        mesh: &face.mesh,
-        face,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(&face.mesh, face);
     let marks = face.landmarks.positions;
     let near = PAINTED_WIDTHS * distance(marks[48], marks[54]);
     let is_painted = |t: &&[u32; 3]| {

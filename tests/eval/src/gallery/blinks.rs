@@ -55,11 +55,7 @@ pub(super) fn titles() -> String {
 
 pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
-    let cells = Cells {
-        mesh: &subject.mesh,
-        face: &face,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(&subject.mesh, &face);
     let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
     let mut rows: [Vec<Picture>; 3] = Default::default();
     let mut in_sight = Vec::new();

@@ -116,7 +116,16 @@ pub(crate) fn under(rows: &[Picture]) -> Picture {
     whole
 }
 
-impl Cells<'_> {
+impl<'a> Cells<'a> {
+    /// Of a mesh whose tongue is not known.
+    pub(crate) fn new(mesh: &'a Mesh, face: &'a Face) -> Cells<'a> {
+        Cells {
+            mesh,
+            face,
+            tongue: 0..0,
+        }
+    }
+
     /// A row of pictures: the neutral face with its landmarks, each of the frames `[E, V, 3]`, and
     /// the values `map` `[V]` as colours, fully red from `scale` on.
     pub(crate) fn row(&self, moved: ArrayView3<'_, f32>, map: &[f32], scale: f32) -> Picture {
@@ -149,7 +158,8 @@ impl Cells<'_> {
         picture
     }
 
-    /// Draws a frame `[V, 3]`, or the neutral face, with eyeballs, teeth, a known tongue and the mouth's lining in their own colours.
+    /// Draws a frame `[V, 3]`, or the neutral face, with eyeballs, teeth, a known tongue and the mouth's lining in their
+    /// own colours.
     pub(crate) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
         self.marked(moved, &[], view)
     }

@@ -37,11 +37,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
     };
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
     let prediction = spread_landmarks(engine, &face, truth.of_landmarks())?;
-    let cells = Cells {
-        mesh: &subject.mesh,
-        face: &face,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(&subject.mesh, &face);
     let view = View::about(&face, 17..48, SIZE, HALF_HEIGHT_M);
     let row = |frames: ArrayView3<'_, f32>| {
         let cells = frames

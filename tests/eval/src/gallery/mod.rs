@@ -155,11 +155,7 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip
         }
         None => (cells::at_vertices(&subject.mesh, &stretch), 3f32.ln()),
     };
-    let cells = Cells {
-        mesh: &subject.mesh,
-        face: &face,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(&subject.mesh, &face);
     let row = cells.row(moved.view(), &map, scale);
     shown.picture = Some(album.picture(&file_stem(&subject.title), &row)?);
     Ok(shown)

@@ -77,11 +77,7 @@ fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, Stri
 
 /// Two rows, from the front and turned. Each shows the head at rest and then every frame.
 fn rows_of(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
-    let cells = Cells {
-        mesh,
-        face,
-        tongue: 0..0,
-    };
+    let cells = Cells::new(mesh, face);
     let front = View::about(face, 48..68, SIZE, HALF_HEIGHT_M);
     let turned = front.turned(face, 48..68, TURNED);
     let row = |view: &View| {
