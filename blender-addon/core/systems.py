@@ -70,6 +70,9 @@ class System:
     controls: tuple[Control, ...]
     fields: tuple[Field, ...] = ()
     emotions: tuple[str, ...] = ()
+    # Action units that events may name, each with its label, and words with fixed units.
+    units: tuple[tuple[str, str], ...] = ()
+    words: tuple[str, ...] = ()
     takes_events: bool = False
     # Whether it hears emotion in the voice or in another recording.
     hears_emotion: bool = False
@@ -108,24 +111,14 @@ def find(name: str, among: tuple[System, ...]) -> System:
     return match
 
 
-@cache
 def units() -> dict[str, str]:
     """The action units of the extension's library: a label for each unit number."""
-    return {unit["name"]: unit["label"] for unit in _first().get("units", ())}
+    return dict(by_name("").units)
 
 
-@cache
 def words() -> list[str]:
     """The words with fixed units of the extension's library."""
-    return list(_first().get("words", ()))
-
-
-def _first() -> dict:
-    """The description of the default system; empty if the library cannot be loaded."""
-    try:
-        return json.loads(library.load(library.library_path()).anyface_describe(None))
-    except AnyfaceError:
-        return {}
+    return list(by_name("").words)
 
 
 def by_name(name: str) -> System:
@@ -149,6 +142,8 @@ def _system(described: dict) -> System:
         controls=tuple(map(_control, described["controls"])),
         fields=tuple(Field(**row) for row in described["fields"]),
         emotions=tuple(described["emotions"]),
+        units=tuple((unit["name"], unit["label"]) for unit in described["units"]),
+        words=tuple(described["words"]),
         takes_events="events" in abilities,
         hears_emotion="emotion" in abilities,
         starts_from_pose="first_pose" in abilities,
