@@ -1167,7 +1167,8 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
 ///
 /// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may be freed first.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that the caller brought or that was
-/// redone or cut from another one, or for a system that does not separate emotion from speech (the ability "emotion" of `anyface_describe()`), and with `ANYFACE_STATUS_CANCELLED`.
+/// redone or cut from another one, or for a system that does not separate emotion from speech (the
+/// ability "emotion" of `anyface_describe()`), and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_motion_new_content(const AnyfaceEngine *engine,
                                          const AnyfaceMotion *motion,
                                          const AnyfaceProgress *progress,

@@ -61,11 +61,7 @@ impl AnyfaceRequest {
         let work = || {
             let request = unsafe { pointer::handle_mut("request", request) }?;
             let name = unsafe { pointer::text("name", name) }?;
-            // A refusal leaves the request as it was.
-            let mut copy = request.0.clone();
-            set_field(&mut copy, name, value()?)?;
-            request.0 = copy;
-            Ok(())
+            Ok(set_field(&mut request.0, name, value()?)?)
         };
         unsafe { guard::guard(error, work) }
     }
@@ -220,7 +216,7 @@ pub unsafe extern "C" fn anyface_request_free(request: *mut AnyfaceRequest) {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use std::{
         ffi::CStr,
@@ -230,7 +226,7 @@ pub(crate) mod tests {
     const OK: AnyfaceStatus = AnyfaceStatus::Ok;
 
     /// A request with one number.
-    pub(crate) fn with_number(name: &CStr, number: f64) -> AnyfaceRequest {
+    fn with_number(name: &CStr, number: f64) -> AnyfaceRequest {
         let mut request = AnyfaceRequest::default();
         let status =
             unsafe { anyface_request_set_number(&mut request, name.as_ptr(), number, null_mut()) };

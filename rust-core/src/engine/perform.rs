@@ -21,7 +21,7 @@ use crate::{
     nn::finite::check_result,
     speech::{Heard, HeardEmotion, NeutralVoice, UserEar},
     spread::{Movement, on_face},
-    systems::{Ability, Sampled},
+    systems::{Ability, Sampled, check_abilities},
 };
 
 /// The range of a control that changes over time is divided into this many pieces. The effect of a
@@ -240,22 +240,7 @@ impl Engine {
         check_fps(request.fps)?;
         check_closures(request.closures.as_deref().unwrap_or_default())?;
         request.events.iter().try_for_each(Event::check)?;
-        let tasks = [
-            (!request.events.is_empty(), Ability::Events, "events"),
-            (
-                request.emotion_of.is_some(),
-                Ability::Emotion,
-                "emotion of another recording",
-            ),
-            (
-                request.starts_from.is_some(),
-                Ability::FirstPose,
-                "first pose",
-            ),
-        ];
-        for (_, ability, task) in tasks.into_iter().filter(|(is_used, ..)| *is_used) {
-            self.registration.require(ability, task)?;
-        }
+        check_abilities(request, self.registration)?;
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }

@@ -35,7 +35,8 @@ pub fn describe(system: &Registration) -> String {
 }
 
 fn obeys(system: &Registration, field: &Field) -> bool {
-    field.needs.is_none_or(|ability| system.can(ability))
+    let needs = field.needs.as_ref();
+    needs.is_none_or(|need| system.can(need.ability))
 }
 
 fn of_field(field: &Field) -> Value {

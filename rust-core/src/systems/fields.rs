@@ -1,14 +1,14 @@
 //! Everything that one can ask of a performance, by name.
 //!
 //! A setting that is no control of a system is written down once, in [`FIELDS`]: how it is called,
-//! what it takes, who obeys it and how it enters a [`MotionRequest`]. The C interface, Python and the
-//! extension set fields and controls by name, and know of no single one.
+//! what it takes, who obeys it and how it enters a [`MotionRequest`]. The C interface sets fields and
+//! controls by name, and knows of no single one.
 
 use std::{fmt::Display, sync::Arc};
 
 use ndarray::ArrayView2;
 
-use super::{Ability, SYSTEMS};
+use super::{Ability, Registration, SYSTEMS};
 use crate::{
     Error, Result,
     audio::Waveform,
@@ -18,7 +18,7 @@ use crate::{
     text::Reader,
 };
 
-/// The largest whole number that a double holds together with all smaller ones, plus 1.
+/// 2^53: a double holds every whole number below it.
 const MAX_SEED: f64 = 9_007_199_254_740_992.0;
 
 /// A setting of a performance that is no control of a system.
@@ -31,9 +31,19 @@ pub struct Field {
     pub help: &'static str,
     /// What it takes.
     pub kind: FieldKind,
-    /// The ability of the systems that obey it; `None` if all do.
-    pub needs: Option<Ability>,
+    /// What a system needs to obey it; `None` if all do.
+    pub needs: Option<Need>,
     set: fn(&mut MotionRequest, &NamedValue<'_>) -> Result<()>,
+}
+
+/// What a system needs to obey a field.
+pub struct Need {
+    /// The ability.
+    pub ability: Ability,
+    /// The name of the task in the error of a system that lacks the ability.
+    task: &'static str,
+    /// Whether a request sets the field.
+    is_set: fn(&MotionRequest) -> bool,
 }
 
 /// What a field takes.
@@ -41,7 +51,7 @@ pub struct Field {
 pub enum FieldKind {
     /// A number.
     Number,
-    /// A text; an empty one is as if nothing had been value.
+    /// A text; an empty one is as if none had been set.
     Text,
     /// A text such as `happy:0.7`, `auto`, `auto-arousal` or `off`, or rows with times: the strength of
     /// each of the [`EMOTIONS`], linear between the rows.
@@ -92,17 +102,6 @@ pub static FIELDS: &[Field] = &[
         },
     },
     Field {
-        name: "emotion_of",
-        label: "Emotion of",
-        help: "Another recording, whose emotion the face shows.",
-        kind: FieldKind::Sound,
-        needs: Some(Ability::Emotion),
-        set: |request, value| {
-            request.emotion_of = Some(Arc::new(VoiceTrack::checked(value.sound()?)?));
-            Ok(())
-        },
-    },
-    Field {
         name: "neutral_voice",
         label: "Neutral Voice",
         help: "A recording in which the same person speaks neutrally, ten seconds or more: the emotion of the voice is \
@@ -144,7 +143,11 @@ pub static FIELDS: &[Field] = &[
         label: "Events",
         help: "What the face has to do, and when.",
         kind: FieldKind::Events,
-        needs: Some(Ability::Events),
+        needs: Some(Need {
+            ability: Ability::Events,
+            task: "events",
+            is_set: |request| !request.events.is_empty(),
+        }),
         set: |request, value| {
             request.events = match value.text()? {
                 Some(json) => Reader::new(None).events_of_json(json)?,
@@ -154,11 +157,30 @@ pub static FIELDS: &[Field] = &[
         },
     },
     Field {
+        name: "emotion_of",
+        label: "Emotion of",
+        help: "Another recording, whose emotion the face shows.",
+        kind: FieldKind::Sound,
+        needs: Some(Need {
+            ability: Ability::Emotion,
+            task: "emotion of another recording",
+            is_set: |request| request.emotion_of.is_some(),
+        }),
+        set: |request, value| {
+            request.emotion_of = Some(Arc::new(VoiceTrack::checked(value.sound()?)?));
+            Ok(())
+        },
+    },
+    Field {
         name: "starts_from",
         label: "Start from",
         help: "The pose in which the face begins.",
         kind: FieldKind::Pose,
-        needs: Some(Ability::FirstPose),
+        needs: Some(Need {
+            ability: Ability::FirstPose,
+            task: "first pose",
+            is_set: |request| request.starts_from.is_some(),
+        }),
         set: |request, value| match &value.value {
             FieldValue::Pose(pose) => {
                 request.starts_from = Some(**pose);
@@ -185,8 +207,10 @@ pub static FIELDS: &[Field] = &[
         kind: FieldKind::Number,
         needs: None,
         set: |request, value| {
-            request.fps = value.number()?;
-            check_fps(request.fps)
+            let fps = value.number()?;
+            check_fps(fps)?;
+            request.fps = fps;
+            Ok(())
         },
     },
     Field {
@@ -203,7 +227,8 @@ pub static FIELDS: &[Field] = &[
 ];
 
 /// Puts a value into a request: into the field of this name, or into the control that some system
-/// has. Whether the system that performs has this control is checked when it performs.
+/// has. Whether the system that performs has this control is checked when it performs. An error
+/// leaves the request as it was.
 ///
 /// # Errors
 /// `InvalidInput` for a name that no field and no control has, for a value of another kind, or for
@@ -233,6 +258,16 @@ pub fn set_field<'a>(
             )))
         }
     }
+}
+
+/// Checks that a system obeys every field that a request sets.
+///
+/// # Errors
+/// `InvalidInput`, with the names of the systems that obey it, for the first field that it does not.
+pub(crate) fn check_abilities(request: &MotionRequest, system: &Registration) -> Result<()> {
+    let needs = FIELDS.iter().filter_map(|field| field.needs.as_ref());
+    let mut needs = needs.filter(|need| (need.is_set)(request));
+    needs.try_for_each(|need| system.require(need.ability, need.task))
 }
 
 impl FieldKind {

@@ -22,7 +22,8 @@ mod windows;
 use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, speech, text};
 
 pub use describe::describe;
-pub use fields::{FIELDS, Field, FieldKind, FieldValue, set_field};
+pub(crate) use fields::check_abilities;
+pub use fields::{FIELDS, Field, FieldKind, FieldValue, Need, set_field};
 pub use slider::Slider;
 pub use system::{Ability, Description, EmotionMask, Registration, Sampled, System};
 pub use windows::Windows;
