@@ -75,19 +75,21 @@ def _settings(ob, scene, options) -> bake.Settings:
         "mode": options.mode,
         "error_mm": options.error,
         "fps": options.fps,
-        "seed": options.seed,
-        "style": options.style,
         "system": options.system,
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
         "emotion_file": os.path.abspath(options.emotion_of) if options.emotion_of else None,
-        "neutral_voice": os.path.abspath(options.neutral_voice) if options.neutral_voice else None,
         "text": _text(options),
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in values.items():
         if value is not None:
             setattr(settings, name, value)
+    for field in systems.plain_fields():
+        value = getattr(options, field.name)
+        if value is not None:
+            is_file = field.kind == systems.SOUND
+            settings.fields[field.name] = os.path.abspath(value) if is_file else value
     settings.fixed_controls = {
         control.name: control.number(value)
         for control in systems.controls()

@@ -103,6 +103,11 @@ class Engine(
         self._handle = self._make("anyface_engine_new", byref(options))
 
     @property
+    def fields(self) -> tuple[systems.Field, ...]:
+        """What else a performance can be asked for."""
+        return self._description.fields
+
+    @property
     def controls(self) -> tuple[systems.Control, ...]:
         """The controls that the system offers."""
         return self._description.controls

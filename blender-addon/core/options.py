@@ -86,15 +86,8 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument("--mode", help=modes)
     task.add_argument("--error", type=real, metavar="MM", help="largest error of basis keys")
     task.add_argument("--fps", type=real, help="default: the scene's")
-    task.add_argument("--seed", type=int)
-    task.add_argument("--style", help="speaking style")
     task.add_argument(
         "--emotion-of", metavar="FILE", help="another recording whose emotion the face shows"
-    )
-    task.add_argument(
-        "--neutral-voice",
-        metavar="FILE",
-        help="a recording in which the same person speaks neutrally",
     )
     text = task.add_mutually_exclusive_group()
     text.add_argument("--text", metavar="WORDS", help="the words that are spoken")
@@ -104,7 +97,24 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     )
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")
+    _add_fields(task)
     _add_controls(task)
+
+
+def files_read() -> tuple[str, ...]:
+    """The options of `bake` that name files to read."""
+    recordings = [field.flag for field in systems.plain_fields() if field.kind == systems.SOUND]
+    return ("audio", "events", "emotion-of", "text-file", "landmarks", *recordings)
+
+
+def _add_fields(task: argparse.ArgumentParser) -> None:
+    """Adds an option for each field that has no option of its own."""
+    for field in systems.plain_fields():
+        kind = {"metavar": "FILE"} if field.kind == systems.SOUND else {}
+        if field.kind == systems.NUMBER:
+            kind = {"type": int if field.is_whole else real}
+        help = field.help.replace("%", "%%")
+        task.add_argument(f"--{field.flag}", dest=field.name, help=help, **kind)
 
 
 def _add_controls(task: argparse.ArgumentParser) -> None:

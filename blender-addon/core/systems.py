@@ -15,6 +15,10 @@ from .errors import AnyfaceError
 FACE, MOTION = "face", "motion"
 # What a control's numbers mean.
 REAL, WHOLE, CHOICE = "real", "whole", "choice"
+# Kinds of fields.
+NUMBER, TEXT, SOUND = "number", "text", "sound"
+# Fields of these kinds that have their own place on the screen and their own option.
+_BY_HAND = ("text", "fps", "emotion_of")
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,23 @@ class Control:
 class Field:
     """A setting of a performance that is no control of a system, such as its text.
 
-    `kind` is "number", "text", "emotion", "intervals", "events", "sound" or "pose".
+    `kind` is "number", "text", "emotion", "intervals", "events", "sound" or "pose". Numbers lie
+    between `low` and `high`.
     """
 
     name: str
     label: str
     help: str
     kind: str
+    low: float = 0.0
+    high: float = 0.0
+    default: float = 0.0
+    is_whole: bool = False
+
+    @property
+    def flag(self) -> str:
+        """The name of the command's option."""
+        return self.name.replace("_", "-")
 
 
 @dataclass(frozen=True)
@@ -100,6 +114,13 @@ def controls() -> tuple[Control, ...]:
     for control in (control for system in known() for control in system.controls):
         by_name.setdefault(control.name, control)
     return tuple(by_name.values())
+
+
+def plain_fields() -> tuple[Field, ...]:
+    """The numbers, texts and sounds that panel and command draw from their descriptions."""
+    every = (field for system in known() for field in system.fields)
+    by_name = {field.name: field for field in every if field.name not in _BY_HAND}
+    return tuple(field for field in by_name.values() if field.kind in (NUMBER, TEXT, SOUND))
 
 
 def find(name: str, among: tuple[System, ...]) -> System:

@@ -18,17 +18,6 @@ from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
 from .paths import PathMap
 
-_PATHS = (
-    "audio",
-    "events",
-    "emotion_of",
-    "neutral_voice",
-    "text_file",
-    "landmarks",
-    "out",
-    "weights",
-)
-_READ = ("--audio", "--events", "--emotion-of", "--neutral-voice", "--text-file", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 _parser = functools.cache(options.step_parser)
@@ -183,12 +172,14 @@ def _step(where: str, row: dict, folder: Path, paths: PathMap) -> tuple[str, ...
     if task not in options.TASKS:
         raise AnyfaceError("input", f"{where}: task: expected {options.TASKS}, got {task!r}")
     words = []
+    path_options = (*options.files_read(), "out", "weights")
     for field, value in row.items():
         if value is None:
             continue
+        field = field.replace("_", "-")
         if "\0" in field or "\0" in str(value):
             raise AnyfaceError("input", f"{where}: {field}: expected text without a null")
-        if field in _PATHS:
+        if field in path_options:
             value = folder / paths.here(str(value))
         words.append(f"--{field}={value}")
     try:
@@ -206,11 +197,11 @@ def _digest(row: dict, shot: Shot) -> str:
     No path of this machine goes into it, so that all machines agree on which shots are finished.
     """
     digest = hashlib.blake2b(json.dumps(row).encode(), digest_size=12)
-    for path in (shot.file, *_values(shot, *_READ)):
+    for path in (shot.file, *_values(shot, *options.files_read())):
         if os.path.isfile(path):
             state = os.stat(path)
             digest.update(f"{state.st_size} {state.st_mtime_ns} ".encode())
-    for models in _values(shot, "--weights"):
+    for models in _values(shot, "weights"):
         digest.update(f"{model_card.changed_ns(Path(models))} ".encode())
     return digest.hexdigest()
 
@@ -242,11 +233,11 @@ def _clashes(path: Path, shots: dict[int, Shot]) -> dict[int, AnyfaceError]:
 
 
 def _written(shot: Shot) -> set[str]:
-    return {_key(shot.save), *map(_key, _values(shot, "--out"))}
+    return {_key(shot.save), *map(_key, _values(shot, "out"))}
 
 
 def _files_read(shot: Shot) -> set[str]:
-    return {_key(shot.file), *map(_key, _values(shot, *_READ))}
+    return {_key(shot.file), *map(_key, _values(shot, *options.files_read()))}
 
 
 def _key(path: str) -> str:
@@ -254,6 +245,6 @@ def _key(path: str) -> str:
     return os.path.realpath(path).casefold()
 
 
-def _values(shot: Shot, *options: str) -> list[str]:
+def _values(shot: Shot, *names: str) -> list[str]:
     words = [word.partition("=") for step in shot.steps for word in step[1:]]
-    return [value for option, _, value in words if option in options]
+    return [value for option, _, value in words if option.removeprefix("--") in names]

@@ -37,9 +37,10 @@ class Settings:
     """An artist's request: the fields of `ui.properties.AnyfaceCharacter` as plain data.
 
     `strip` or `sound_file` is set. `fps` 0 means the frame rate of the scene. `system` is a name
-    from `core.systems`; "" means the default one. `controls` holds values by name, and
-    `fixed_controls` override these and their keyframes. `mixture` holds further emotions beside
-    `emotion`. `blend` holds strengths `[15]` that override all emotions and their keyframes.
+    from `core.systems`; "" means the default one. `fields` holds values by the names of
+    `core.systems.plain_fields`, for recordings the paths of their files. `controls` holds values by
+    name, and `fixed_controls` override these and their keyframes. `mixture` holds further emotions
+    beside `emotion`. `blend` holds strengths `[15]` that override all emotions and their keyframes.
     """
 
     strip: str = ""
@@ -50,8 +51,7 @@ class Settings:
     intensity: float = 1.0
     mixture: list[Share] = field(default_factory=list)
     blend: list[float] | None = None
-    style: str = ""
-    seed: int = 0
+    fields: dict[str, object] = field(default_factory=dict)
     fps: float = 0.0
     system: str = ""
     controls: dict[str, float] = field(default_factory=dict)
@@ -81,8 +81,6 @@ class Settings:
     # The face shows the emotion of this sound strip or file, if the system hears emotion.
     emotion_strip: str = ""
     emotion_file: str = ""
-    # A sound file in which the same person speaks neutrally, for systems that hear emotion.
-    neutral_voice: str = ""
     # The words that are spoken; empty if they are not known.
     text: str = ""
     # Whether the take starts from the current pose of the face, for systems that can do that.
@@ -114,29 +112,23 @@ class Snapshot:
     numbers: dict[str, int] = field(default_factory=dict)
     # Start and end in seconds, and the text, of each strip that shows a speech sound.
     sounds: list[tuple[float, float, str]] | None = None
-    # Another recording, whose emotion the face shows.
-    emotion_sound: SoundSource | None = None
-    # The same person's neutral voice.
-    neutral: SoundSource | None = None
+    # Recordings beside the speech, by the fields of the request that take them.
+    recordings: dict[str, SoundSource] = field(default_factory=dict)
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
         """The decoded sound, and the request with everything else that comes from sound.
 
-        The request gets the intervals in which strips close the lips, the other recording that
-        gives the emotion, and the neutral voice.
+        The request gets the intervals in which strips close the lips, and the recordings beside
+        the speech.
         """
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
             request = request.with_fields(closures=np.array(closed).reshape(-1, 2))
-        if self.emotion_sound is not None:
-            other = self.emotion_sound.load(decode.decoder(self.engine))
-            request = request.with_fields(emotion_of=other)
-        if self.neutral is not None:
-            neutral = self.neutral.load(decode.decoder(self.engine))
-            request = request.with_fields(neutral_voice=neutral)
-        return voice, request
+        decoder = decode.decoder(self.engine)
+        others = {name: source.load(decoder) for name, source in self.recordings.items()}
+        return voice, request.with_fields(**others)
 
     def ask(self, function, progress: Progress, *more):
         """Calls a `function` of the engine with the face and its sound, and returns the result."""
@@ -191,11 +183,9 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     notes += asked_for.notes
     request = Request(
         fps=settings.fps or scene_fps,
-        fields={
+        fields=words_and_numbers(settings)
+        | {
             "emotion": _emotion(ob, scene, settings, when),
-            "seed": settings.seed,
-            "style": settings.style,
-            "text": settings.text,
             "starts_from": _pose(ob, face, settings),
         },
         error_mm=settings.error_mm if output.as_basis else None,
@@ -224,9 +214,20 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         panel_values=panel_settings.read(ob),
         numbers=_numbers(names, settings),
         sounds=sounds.read(scene, source),
-        emotion_sound=_emotion_sound(scene, settings, engine),
-        neutral=_neutral(settings),
+        recordings=_recordings(scene, settings, engine),
     )
+
+
+def words_and_numbers(settings: Settings) -> dict[str, object]:
+    """The fields of a request that are texts and numbers, the spoken text among them."""
+    plain = [known for known in systems.plain_fields() if known.kind != systems.SOUND]
+    values = {known.name: settings.fields.get(known.name) for known in plain}
+    return values | {"text": settings.text}
+
+
+def hears_emotion(settings: Settings) -> bool:
+    """Whether the emotion of a voice is heard: only then recordings beside the speech count."""
+    return systems.by_name(settings.system).hears_emotion or settings.emotion_source == "VOICE"
 
 
 def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
@@ -400,15 +401,22 @@ def _emotion_sound(scene, settings: Settings, engine) -> SoundSource | None:
         raise AnyfaceError(error.kind, f"Emotion Of: {error}") from error
 
 
-def _neutral(settings: Settings) -> SoundSource | None:
-    """The recording of the neutral voice; None if no emotion is heard in the voice."""
-    hears = systems.by_name(settings.system).hears_emotion or settings.emotion_source == "VOICE"
-    if not settings.neutral_voice or not hears:
-        return None
+def _recordings(scene, settings: Settings, engine) -> dict[str, SoundSource]:
+    """The recordings beside the speech, by the fields that take them."""
+    other = _emotion_sound(scene, settings, engine)
+    recordings = {} if other is None else {"emotion_of": other}
+    for known in systems.plain_fields() if hears_emotion(settings) else ():
+        path = settings.fields.get(known.name) if known.kind == systems.SOUND else ""
+        if path:
+            recordings[known.name] = _recording(known.label, path, settings.start_frame)
+    return recordings
+
+
+def _recording(label: str, path: str, start_frame: int) -> SoundSource:
     try:
-        return sound_source.from_file(settings.neutral_voice, settings.start_frame)
+        return sound_source.from_file(path, start_frame)
     except AnyfaceError as error:
-        raise AnyfaceError(error.kind, f"Neutral Voice: {error}") from error
+        raise AnyfaceError(error.kind, f"{label}: {error}") from error
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:

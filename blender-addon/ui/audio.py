@@ -25,7 +25,10 @@ class AnyfaceStrip(PropertyGroup):
 
 
 class AnyfaceAudio(PropertyGroup):
-    """`Object.anyface_audio`: the strips that speak together, and settings of voice and events."""
+    """`Object.anyface_audio`: the strips that speak together, and settings of voice and events.
+
+    When the extension registers, it adds a property for each recording that a system can use.
+    """
 
     channel: IntProperty(
         name="Channel",
@@ -40,14 +43,6 @@ class AnyfaceAudio(PropertyGroup):
         name="Emotion Of",
         description="Sound strip that sets the emotion of this face, stretched to the length of "
         "the spoken sound; empty uses the spoken voice itself",
-        options=set(),
-    )
-    neutral_voice: StringProperty(
-        name="Neutral Voice",
-        description="Recording of ten seconds or more in which the same person speaks neutrally. "
-        "The emotion of the voice is its difference from this recording; empty "
-        "compares it with people who read aloud",
-        subtype="FILE_PATH",
         options=set(),
     )
     event_channel: IntProperty(
@@ -80,7 +75,7 @@ class AnyfaceAudio(PropertyGroup):
 
 def fill(settings, ob, scene=None) -> None:
     """Copies the chosen sound of `ob` into plain settings; `scene` is the one with the strips."""
-    names = "event_channel", "event_markers", "marker_s", "emotion_strip", "neutral_voice"
+    names = "event_channel", "event_markers", "marker_s", "emotion_strip"
     for name in names:
         setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
@@ -155,13 +150,19 @@ def draw_emotion_strip(layout, ob, scene) -> None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
 
 
-def draw_neutral_voice(layout, ob) -> None:
-    """Draws the neutral voice, greyed out unless emotion is heard in the voice."""
-    settings, column = ob.anyface, layout.column(align=True)
-    hears = systems.by_name(settings.system).hears_emotion
-    column.active = hears or settings.emotion_source == "VOICE"
-    column.label(text="Neutral Voice")
-    column.prop(ob.anyface_audio, "neutral_voice", text="")
+def group_of(ob, field: systems.Field):
+    """The properties of `ob` among which the value of a plain field is stored."""
+    return ob.anyface_audio if field.kind == systems.SOUND else ob.anyface
+
+
+def draw_recordings(layout, ob) -> None:
+    """Draws the recordings beside the speech, greyed out unless emotion is heard in the voice."""
+    column = layout.column(align=True)
+    column.active = bake.hears_emotion(ob.anyface)
+    for field in systems.plain_fields():
+        if field.kind == systems.SOUND:
+            column.label(text=field.label)
+            column.prop(ob.anyface_audio, field.name, text="")
 
 
 def draw_heat(layout, ob) -> None:

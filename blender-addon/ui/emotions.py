@@ -35,7 +35,7 @@ class ANYFACE_PT_emotion(OfFacePanel, Panel):
             sizes = {"scale": _LINES, "scale_popup": _LINES_EACH}
             layout.template_icon_view(ob.anyface, "emotion_face", show_labels=True, **sizes)
             layout.label(text=f"{ob.anyface.emotion.capitalize()}, at {shown.intensity:.2f}")
-        audio.draw_neutral_voice(layout, ob)
+        audio.draw_recordings(layout, ob)
         emotion_plot.draw(layout, ob)
 
 

@@ -10,8 +10,7 @@ from . import audio, preferences, words
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
-_MORE = ("seed", "style", "fps")
-_OF_FACE = ("axes", "landmark_file")
+_OTHERS = ("fps", "axes", "landmark_file")
 
 
 def _is_shown(control, settings) -> bool:
@@ -58,5 +57,6 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if body is not None:
             body.use_property_decorate = False
             others = [control.name for control in controls if not control.is_slider]
-            for name in (*_MORE, *others, *_OF_FACE):
+            fields = [f.name for f in systems.plain_fields() if f.kind != systems.SOUND]
+            for name in (*fields, *others, *_OTHERS):
                 body.prop(settings, name, slider=True)

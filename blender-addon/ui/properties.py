@@ -81,7 +81,8 @@ def _frames(name: str, description: str, least: int):
 class AnyfaceCharacter(PropertyGroup):
     """Settings of one character; `Object.anyface`.
 
-    When the extension registers, it adds a property for each of the library's controls.
+    When the extension registers, it adds a property for each of the library's controls and for
+    each of its plain fields.
     """
 
     source: EnumProperty(name="Sound", items=_SOURCES, default="STRIP", options=set())
@@ -133,14 +134,6 @@ class AnyfaceCharacter(PropertyGroup):
     # The emotions after the first one, and the same as text for presets and takes.
     mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
     mixed: StringProperty(get=mixture.text, set=mixture.fill, options={"HIDDEN", "SKIP_SAVE"})
-    style: StringProperty(
-        name="Speaker",
-        description="Name of the speaker whose style the face copies; empty uses the default",
-        options=set(),
-    )
-    seed: IntProperty(
-        name="Seed", description="Each seed gives another take", default=0, min=0, options=set()
-    )
     fps: FloatProperty(
         name="Frame Rate",
         description="Frames per second of the keys; 0 uses the scene's frame rate",
@@ -235,6 +228,7 @@ class AnyfaceCharacter(PropertyGroup):
 
 
 _OWN = dict(AnyfaceCharacter.__annotations__)
+_OWN_OF_AUDIO = dict(audio.AnyfaceAudio.__annotations__)
 
 
 class AnyfaceScene(PropertyGroup):
@@ -269,7 +263,7 @@ class AnyfaceScene(PropertyGroup):
 
 
 def _of_library() -> dict:
-    """The property that chooses the system, and one for each of the library's controls."""
+    """The property that chooses the system, and one for each control and each word or number."""
     items = [
         (system.name, system.label, system.help.rstrip("."), number)
         for number, system in enumerate(systems.known())
@@ -277,7 +271,28 @@ def _of_library() -> dict:
     system_choice = (
         {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
     )
-    return system_choice | {control.name: _of_control(control) for control in systems.controls()}
+    controls = {control.name: _of_control(control) for control in systems.controls()}
+    plain = [field for field in systems.plain_fields() if field.kind != systems.SOUND]
+    return system_choice | controls | {field.name: _of_field(field) for field in plain}
+
+
+def _recordings() -> dict:
+    """A property for each recording that a system can use beside the speech."""
+    plain = [field for field in systems.plain_fields() if field.kind == systems.SOUND]
+    return {field.name: _of_field(field) for field in plain}
+
+
+def _of_field(field: systems.Field):
+    shared = {"name": field.label, "description": field.help.rstrip("."), "options": set()}
+    if field.kind == systems.NUMBER:
+        numbers = {"default": field.default, "min": field.low, "max": field.high}
+        if not field.is_whole:
+            return FloatProperty(**shared | numbers)
+        # Blender's whole numbers have 32 bits.
+        whole = {name: int(min(number, 2**31 - 1)) for name, number in numbers.items()}
+        return IntProperty(**shared | whole)
+    subtype = "FILE_PATH" if field.kind == systems.SOUND else "NONE"
+    return StringProperty(subtype=subtype, **shared)
 
 
 def _of_control(control: systems.Control):
@@ -313,6 +328,7 @@ def register() -> None:
     """Adds the settings to objects and scenes."""
     identity.register()
     AnyfaceCharacter.__annotations__ = _OWN | _of_library()
+    audio.AnyfaceAudio.__annotations__ = _OWN_OF_AUDIO | _recordings()
     for name, groups in _GROUPS.items():
         overridable.add(name, *groups)
     bpy.utils.register_class(texts.AnyfaceText)

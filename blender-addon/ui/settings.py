@@ -30,6 +30,10 @@ def from_object(ob, scene=None) -> Settings:
         control.name: control.number(getattr(stored, control.name))
         for control in systems.controls()
     }
+    values["fields"] = {
+        field.name: getattr(audio.group_of(ob, field), field.name)
+        for field in systems.plain_fields()
+    }
     # The first share is left out: emotion and intensity have fields of their own.
     values["mixture"] = emotion.shares(stored)[1:]
     settings = Settings(**values, output=output_properties.read(ob))

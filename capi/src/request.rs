@@ -92,7 +92,7 @@ pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
 /// Describes what a system obeys as a JSON object: `name`, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
-/// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
+/// "pose"), numbers also with `low`, `high`, `default` and `is_whole`; `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
 /// "choice"), `choices`, `stage` ("face", "motion"), `low`, `high`, `default`, `neutral` and
 /// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
 /// `words`, both for events.

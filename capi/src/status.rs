@@ -41,7 +41,7 @@ impl AnyfaceStatus {
         use anyface::Error;
         match error {
             Error::InvalidInput(_) | Error::ShapeMismatch { .. } => Self::InvalidInput,
-            Error::Audio(_) => Self::Audio,
+            Error::Audio(_) | Error::DamagedSound(_) => Self::Audio,
             Error::Mesh(_) => Self::Mesh,
             Error::FaceNotFound(_) => Self::FaceNotFound,
             Error::Weights(_) => Self::Weights,

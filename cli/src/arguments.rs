@@ -10,7 +10,7 @@ use std::{
 use anyface::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
     annotation::Annotation,
-    audio::{SoundFile, Waveform},
+    audio::SoundFile,
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
     job::{InputKind, ProgressFn, read_text},
@@ -18,15 +18,14 @@ use anyface::{
         Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
     },
-    motion::{Life, Pose, check_fps},
-    output::{read_landmark_motion, read_life},
-    speech::{Script, VoiceTrack},
+    speech::Script,
     systems::{Ability, Registration},
     text::Reader,
 };
 use clap::Args;
 
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
+use crate::fields::FieldFlags;
 use crate::paths::{CachePath, InputPath, landmarks_beside};
 
 /// The fewest vertices of a proxy. A coarser skin has no usable lips.
@@ -127,8 +126,8 @@ pub struct SoundArgs {
 impl SoundArgs {
     pub fn read(&self, path: &Path, progress: ProgressFn<'_>) -> Result<SoundFile> {
         SoundFile::read(path, self.any_damage, progress).map_err(|error| match error {
-            Error::Audio(message) if message.contains("expected at least") => {
-                Error::Audio(format!("{message}; --any-damage uses the rest"))
+            Error::DamagedSound(message) => {
+                Error::DamagedSound(format!("{message}; --any-damage uses the rest"))
             }
             other => other,
         })
@@ -298,25 +297,14 @@ pub struct MotionArgs {
     emotion: EmotionArgs,
     #[command(flatten)]
     controls: MotionControls,
-    /// Frames per second
-    #[arg(long, default_value_t = 30.0)]
-    fps: f64,
-    /// The same seed makes the same motion
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Speaking style by name [default: the model's own]
-    #[arg(long, value_name = "NAME")]
-    style: Option<String>,
+    #[command(flatten)]
+    fields: FieldFlags,
     /// File that says what is spoken and when, which is otherwise heard in the speech: phones, words or
     /// mouth shapes of a .TextGrid, .tsv, .json (also of text-to-speech: ElevenLabs, Azure, Polly), .srt,
     /// .vtt, .pgo, .dat (which counts frames of --fps) or .txt. Phones and shapes also say when the lips
     /// close. `anyface sounds` writes such files
     #[arg(long, value_name = "S")]
     sounds: Option<InputPath>,
-    /// The words that are spoken. Their places are found in the sound, and the mouth then shows their
-    /// sounds
-    #[arg(long, value_name = "W")]
-    text: Option<String>,
     /// Read the spoken words from this UTF-8 file instead
     #[arg(long, value_name = "F", conflicts_with = "text")]
     text_file: Option<InputPath>,
@@ -329,17 +317,6 @@ pub struct MotionArgs {
     /// "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<InputPath>,
-    /// Take the emotion from this other recording (emoface). The recording's emotion is stretched
-    /// to the length of the sound
-    #[arg(long, value_name = "OTHER")]
-    emotion_of: Option<InputPath>,
-    /// A recording of ten seconds or more in which the same person speaks neutrally. The emotion of the voice is then
-    /// heard as the difference from it
-    #[arg(long, value_name = "FILE")]
-    neutral_voice: Option<InputPath>,
-    /// Begin with the last frame of this motion, which `anyface motion` wrote (emoface)
-    #[arg(long, value_name = "M.npz")]
-    starts_from: Option<InputPath>,
 }
 
 impl MotionArgs {
@@ -356,92 +333,38 @@ impl MotionArgs {
         Ok(events)
     }
 
-    fn starts_from(&self) -> Result<Option<Pose>> {
-        let Some(path) = &self.starts_from else {
-            return Ok(None);
-        };
-        let motion = read_landmark_motion(path)?;
-        let wrong = |got: &str| {
-            let path = path.display();
-            Error::InvalidInput(format!(
-                "{path}: expected frames of `anyface motion`, got {got}"
-            ))
-        };
-        if motion.neutral.is_some() {
-            return Err(wrong("motion in the units of a mesh"));
-        }
-        let frames = motion.displacements.outer_iter();
-        let last = frames.last().ok_or_else(|| wrong("none"))?;
-        let still = || Life::still(motion.displacements.dim().0);
-        let life = read_life(path)?.unwrap_or_else(still);
-        let tongue = life.tongue.outer_iter().last();
-        let tongue = tongue.ok_or_else(|| wrong("no frame of the tongue"))?;
-        Ok(Some(Pose::of_frame(last, tongue)))
-    }
-
-    fn emotion_of(&self) -> Result<Option<Arc<VoiceTrack>>> {
-        let Some(path) = &self.emotion_of else {
-            return Ok(None);
-        };
-        let sound = Waveform::from_file(path)?;
-        VoiceTrack::checked(&sound).map(|voice| Some(Arc::new(voice)))
-    }
-
-    fn neutral_voice(&self) -> Result<Option<Arc<VoiceTrack>>> {
-        let Some(path) = &self.neutral_voice else {
-            return Ok(None);
-        };
-        let sound = Waveform::from_file(path)?;
-        VoiceTrack::neutral(&sound).map(|voice| Some(Arc::new(voice)))
-    }
-
-    /// Reads the file of --sounds.
-    pub fn read_sounds(&self) -> Result<Option<Annotation>> {
-        let read = |path: &InputPath| Annotation::read(path, self.fps);
+    /// Reads the file of --sounds; `fps` is the frame rate that the request has.
+    pub fn read_sounds(&self, fps: f64) -> Result<Option<Annotation>> {
+        let read = |path: &InputPath| Annotation::read(path, fps);
         self.sounds.as_ref().map(read).transpose()
     }
 
-    /// The words of --text or --text-file.
-    pub fn text(&self) -> Result<Option<String>> {
-        spoken(self.text.as_deref(), self.text_file.as_ref())
-    }
-
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
-        check_fps(self.fps)?;
-        let system = Registration::find(shared.system.as_deref())?;
-        let sounds = self.read_sounds()?;
-        let script = match self.text()? {
-            Some(text) => Some(Script::Text(text)),
-            None => sounds.as_ref().and_then(Script::of_annotation),
-        };
-        // Words alone do not say when lips close: their phones are found in the sound.
-        let shown = sounds.as_ref().filter(|sounds| sounds.shows_mouths());
-        let closures = shown.map(Annotation::closures).transpose()?;
-        Ok(MotionRequest {
-            emotion: self
-                .emotion
-                .curve(system.can(Ability::Words), shared.weights())?,
-            controls: self.controls.controls()?,
-            fps: self.fps,
-            seed: self.seed,
-            style: self.style.clone(),
-            closures,
-            script: script.map(Arc::new),
-            events: self.events(shared.weights())?,
-            emotion_of: self.emotion_of()?,
-            neutral_voice: self.neutral_voice()?,
-            starts_from: self.starts_from()?,
-        })
+        let mut request = self.fields.request()?;
+        if let Some(text) = read_words(self.text_file.as_ref())? {
+            request.script = Some(Arc::new(Script::Text(text)));
+        }
+        if let Some(sounds) = self.read_sounds(request.fps)? {
+            // Words alone do not say when lips close: their phones are found in the sound.
+            if sounds.shows_mouths() {
+                request.closures = Some(sounds.closures()?);
+            }
+            let of_sounds = || Script::of_annotation(&sounds).map(Arc::new);
+            request.script = request.script.or_else(of_sounds);
+        }
+        let takes_words = Registration::find(shared.system.as_deref())?.can(Ability::Words);
+        request.emotion = self.emotion.curve(takes_words, shared.weights())?;
+        request.controls = self.controls.controls()?;
+        request.events = self.events(shared.weights())?;
+        Ok(request)
     }
 }
 
-/// The words of `--text`, or of the file of `--text-file`.
-pub fn spoken(text: Option<&str>, file: Option<&InputPath>) -> Result<Option<String>> {
-    let Some(path) = file else {
-        return Ok(text.map(str::to_owned));
-    };
-    let text = read_text(path, InputKind::Text)?;
-    Ok(Some(text.trim_start_matches('\u{FEFF}').to_owned()))
+/// The words of the file of `--text-file`.
+pub fn read_words(file: Option<&InputPath>) -> Result<Option<String>> {
+    let read = |path: &InputPath| read_text(path, InputKind::Text);
+    let text = file.map(read).transpose()?;
+    Ok(text.map(|text| text.trim_start_matches('\u{FEFF}').to_owned()))
 }
 
 /// Reads `x`, `+x` or `-x`, and the same for the other axes.

@@ -5,6 +5,7 @@ use anyface::{
     annotation::{Annotation, AnnotationFormat, Symbols},
     chart::{ChartOptions, draw},
     mesh::canonical_landmarks,
+    speech::Script,
 };
 use clap::{Args, ValueEnum};
 
@@ -89,10 +90,14 @@ impl Chart {
         let engine: Engine = shared.engine()?;
         note_memory(&mut report, &engine, 0, 0, sound.levels.duration_s())?;
         let waveform = sound.whole(progress)?;
-        let given = self.motion.read_sounds()?;
-        let sounds = match given.filter(Annotation::shows_mouths) {
-            Some(sounds) => sounds,
-            None => engine.listen_to_phones(&waveform, self.motion.text()?.as_deref())?,
+        let sounds = self.motion.read_sounds(request.fps)?;
+        let sounds = match (
+            sounds.filter(Annotation::shows_mouths),
+            request.script.as_deref(),
+        ) {
+            (Some(sounds), _) => sounds,
+            (None, Some(Script::Text(text))) => engine.listen_to_phones(&waveform, Some(text))?,
+            (None, _) => engine.listen_to_phones(&waveform, None)?,
         };
         let performance = engine.perform(&waveform, &request, progress)?;
         let landmarks = engine.landmarks_of(&performance.motion)?;

@@ -185,7 +185,7 @@ pub fn kind(error: &Error) -> &'static str {
     match error {
         Error::InvalidInput(_) => "invalid_input",
         Error::ShapeMismatch { .. } => "shape_mismatch",
-        Error::Audio(_) => "audio",
+        Error::Audio(_) | Error::DamagedSound(_) => "audio",
         Error::Mesh(_) => "mesh",
         Error::FaceNotFound(_) => "face_not_found",
         Error::Weights(_) => "weights",

@@ -11,6 +11,7 @@ mod chart;
 mod console;
 mod controls;
 mod deform;
+mod fields;
 mod head;
 mod info;
 mod landmarks;

@@ -10,7 +10,7 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{SharedArgs, SoundArgs, shown, spoken},
+    arguments::{SharedArgs, SoundArgs, read_words, shown},
     console::Console,
     paths::{InputPath, OutputPath},
     stages::{new_report, read_sound},
@@ -56,7 +56,8 @@ impl Sounds {
             (Some(path), _) => Annotation::read(path, self.fps)?,
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
-                let text = spoken(self.text.as_deref(), self.text_file.as_ref())?;
+                let words = read_words(self.text_file.as_ref())?;
+                let text = self.text.clone().or(words);
                 let progress = &|p| console.progress(p);
                 let sound = read_sound(&mut report, path, &self.sound, progress)?;
                 let engine = shared.engine()?;

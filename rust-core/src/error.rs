@@ -24,6 +24,9 @@ pub enum Error {
     /// A sound that cannot be decoded or used.
     #[error("audio: {0}")]
     Audio(String),
+    /// A sound file of which too much is missing. Whoever accepts any damage can use the rest.
+    #[error("audio: {0}")]
+    DamagedSound(String),
     /// A mesh that cannot be read or used.
     #[error("mesh: {0}")]
     Mesh(String),
@@ -63,7 +66,7 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::InvalidInput(_) | Error::ShapeMismatch { .. } => 3,
-            Error::Audio(_) => 4,
+            Error::Audio(_) | Error::DamagedSound(_) => 4,
             Error::Mesh(_) => 5,
             Error::FaceNotFound(_) => 6,
             Error::Weights(_) => 7,

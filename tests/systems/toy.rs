@@ -41,6 +41,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[CONTROLS],
     motion: MotionKind::Landmarks,
     abilities: &[],
+    emotion: None,
     sliders: &[],
     second_bytes: 200_000,
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),

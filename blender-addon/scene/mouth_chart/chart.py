@@ -95,7 +95,7 @@ def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, e
     keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
     request = Request(
         fps,
-        {"seed": settings.seed, "style": settings.style, "emotion": "off", "text": settings.text},
+        bake.words_and_numbers(settings) | {"emotion": "off"},
         controls=settings.controls,
         control_keys=keys,
     )

@@ -18,7 +18,7 @@ from .core.heard_emotion import HeardEmotion
 from .core.microphone import Microphone
 from .core.microphone import devices as microphones
 from .core.native import Engine
-from .core.systems import Control, System
+from .core.systems import Control, Field, System
 from .core.systems import known as systems
 from .core.take import Found, Rig
 from .core.weight_stream import Frame
@@ -34,6 +34,7 @@ __all__ = [
     "Clip",
     "Control",
     "Engine",
+    "Field",
     "Found",
     "Frame",
     "HeardEmotion",

@@ -20,10 +20,13 @@ SoundLike = Path | tuple[ArrayLike, float]
 """A file, or samples `[S]` or `[S, C]` and their rate in Hz: floats from -1 to 1, or integers."""
 EmotionLike = str | Sequence[tuple[float, str]]
 """`happy:0.7`, a mixture, `auto`, `auto-arousal`, `off`, or a list of `(second, emotion)`."""
+FieldLike = float | str | SoundLike
+"""A number, a text or a sound, as `systems()` says of each field."""
 ControlLike = float | str | tuple[ArrayLike, ArrayLike]
 """A number, the name of a choice, or keys: seconds `[N]` and values `[N]`, linear in between."""
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+_FIELD_KINDS = systems.NUMBER, systems.TEXT, systems.SOUND
 # With more columns than this the array is transposed: its columns are samples, not channels.
 _MOST_CHANNELS = 32
 
@@ -76,31 +79,39 @@ def request_of(
     engine: Engine,
     fps: float,
     emotions: EmotionLike,
-    seed: int,
-    style: str,
     controls: Mapping[str, ControlLike],
     events: Sequence[str],
-    neutral_voice: SoundLike | None = None,
-    text: str = "",
+    fields: Mapping[str, FieldLike],
 ) -> Request:
     """Builds the request for a performance. The library keeps the clip until all of it is read."""
-    fields = {"seed": str(seed), "style": style, "text": text}
-    request = Request(float(fps), fields, keeps_clip=True)
+    request = Request(float(fps), keeps_clip=True)
+    for name, value in fields.items():
+        request.fields[name] = _field(engine, name, value)
     if events:
         request.events = Reader(engine.models).events_of_lines("\n".join(events))
     if isinstance(emotions, str) and emotions in EMOTION_WORDS:
-        fields["emotion"] = emotions
+        request.fields["emotion"] = emotions
     else:
         rows = [(0.0, emotions)] if isinstance(emotions, str) else emotions
-        fields["emotion"] = [(float(second), emotion.parse(text)) for second, text in rows]
-    if neutral_voice is not None:
-        fields["neutral_voice"] = sound_of(neutral_voice, engine)
+        keys = [(float(second), emotion.parse(text)) for second, text in rows]
+        request.fields["emotion"] = keys
     known = {control.name: control for control in engine.controls}
     for name, value in controls.items():
         if name not in known:
             raise _wrong(f"controls: expected some of {', '.join(known)}, got {name!r}")
         _set(request, known[name], value)
     return request
+
+
+def _field(engine: Engine, name: str, value: FieldLike):
+    """The value of a field in the form that a request holds."""
+    kinds = {known.name: known.kind for known in engine.fields if known.kind in _FIELD_KINDS}
+    if name not in kinds:
+        raise _wrong(f"animate: expected its own arguments or {', '.join(kinds)}, got {name!r}")
+    if kinds[name] == systems.SOUND:
+        return sound_of(value, engine)
+    # A number as text keeps all of its digits.
+    return str(value)
 
 
 def _set(request: Request, control: systems.Control, value: ControlLike) -> None:

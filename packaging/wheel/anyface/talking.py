@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .arguments import (
     ControlLike,
     EmotionLike,
+    FieldLike,
     Mesh,
     MeshLike,
     SoundLike,
@@ -41,12 +42,8 @@ def animate(
     *,
     fps: float = 30.0,
     emotion: EmotionLike = "neutral",
-    seed: int = 0,
-    style: str = "",
     controls: Mapping[str, ControlLike] | None = None,
     events: Sequence[str] = (),
-    neutral_voice: SoundLike | None = None,
-    text: str = "",
     landmarks: ArrayLike | None = None,
     weights: bool = False,
     out: str | os.PathLike[str] = "",
@@ -55,6 +52,7 @@ def animate(
     engine: Engine | None = None,
     progress: Progress | None = None,
     cancel: Cancel | None = None,
+    **fields: FieldLike,
 ) -> Clip:
     """Makes a mesh say what a sound says.
 
@@ -64,19 +62,18 @@ def animate(
     is found too, but these axes decide if several places look like a face.
 
     `controls` are those that `systems()` lists. `events` are texts such as `1.2-2.0:left wink:0.8`,
-    for systems that show them. `neutral_voice` is a recording of ten seconds or more in which the
-    same person speaks neutrally: the emotion is then heard in how the voice differs from it. `text`
-    are the words that are spoken: their places are found in the sound, and the mouth then shows
-    their sounds. With `weights` the motion is also solved into ARKit weights. `out` is a file that
-    also receives the take on the mesh's ARKit shapes: .glb, .usda, or .vrma, which moves any VRM
-    avatar. Pass an `engine` to use other models than the built-in ones.
+    for systems that show them. `fields` are the numbers, texts and sounds that `systems()` lists:
+    `seed=3`, `text="Hello there."` for the words that are spoken, `style="name"` for a speaker,
+    `neutral_voice="calm.wav"` for the same person's neutral speech. With `weights` the motion is
+    also solved into ARKit weights. `out` is a file that also receives the take on the mesh's ARKit
+    shapes: .glb, .usda, or .vrma, which moves any VRM avatar. Pass an `engine` to use other models
+    than the built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
     """
     oriented = _facing(engine, forward, up)
-    spoken = neutral_voice, text
-    request = request_of(oriented, fps, emotion, seed, style, controls or {}, events, *spoken)
+    request = request_of(oriented, fps, emotion, controls or {}, events, fields)
     points = landmarks_of(landmarks)
 
     def work(watch: Watch) -> Clip:

@@ -84,7 +84,7 @@ impl SoundFile {
         })?;
         match file.damage {
             Some(damage) if damage.share() > LARGEST_LOSS && !any_damage => {
-                return Err(Error::Audio(format!(
+                return Err(Error::DamagedSound(format!(
                     "{}: expected at least {:.0} % of the sound, got a file of which {:.2} s of {:.2} s are \
                      missing",
                     path.display(),

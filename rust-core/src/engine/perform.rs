@@ -14,7 +14,8 @@ use crate::{
     face::Face,
     job::{ProgressFn, report},
     motion::{
-        Life, LifeStrengths, Motion, MotionRequest, Stretch, begin_in, begin_tongue_in,
+        ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, Life, LifeStrengths, Motion,
+        MotionRequest, Stretch, TONGUE, begin_in, begin_tongue_in,
         bounds::{check_life, check_motion},
         check_closures, check_fps,
     },
@@ -29,22 +30,6 @@ use crate::{
 const PIECES: usize = 2;
 /// A control counts as constant if its largest and smallest value differ by less than this.
 const STILL: f64 = 1e-6;
-
-const ARTICULATION: &str = "articulation";
-/// Controls of the motion beside the face.
-const HEAD: &str = "head_motion";
-const GAZE: &str = "gaze";
-const TONGUE: &str = "tongue";
-const BREATH: &str = "breath";
-/// The control that sets the source of the emotion, in a system that hears emotion. Its values
-/// select the voice and the emotion of the request.
-const EMOTION_FROM: &str = "emotion_from";
-const FROM_VOICE: f32 = 0.0;
-const FROM_EMOTION: f32 = 1.0;
-/// The control that selects a layer, in a system that hears emotion. Its value selects speech
-/// alone.
-const LAYER: &str = "layer";
-const CONTENT: f32 = 1.0;
 
 /// Motion with head, gaze and tongue, and everything needed to perform it again in another way.
 ///
@@ -108,10 +93,10 @@ impl Performance {
     /// `InvalidInput` for a system that does not separate emotion from speech; `Cancelled`.
     pub fn content(&self, engine: &Engine, progress: ProgressFn<'_>) -> Result<Performance> {
         engine.registration.require(Ability::Emotion, "layers")?;
-        let request = MotionRequest {
-            controls: self.request.controls.with(LAYER, CONTENT),
-            ..self.request.clone()
-        };
+        let mut request = self.request.clone();
+        if let Some(own) = &engine.registration.emotion {
+            request.controls.set(own.layer.name, own.content);
+        }
         engine.threads(|| {
             let sampled = engine.system.sample(&self.heard, &request, progress)?;
             engine.finished(sampled, Arc::clone(&self.heard), request)
@@ -256,9 +241,10 @@ impl Engine {
         };
         let mut controls = request.controls.clone();
         let by_name = request.emotion.strongest() > 0.0 && request.emotion_of.is_none();
-        if by_name && self.knows(EMOTION_FROM) && self.control(request, EMOTION_FROM) == FROM_VOICE
+        if let Some(own) = self.registration.emotion.as_ref().filter(|_| by_name)
+            && own.source.value(&controls) == own.voice
         {
-            controls.set(EMOTION_FROM, FROM_EMOTION);
+            controls.set(own.source.name, own.named);
         }
         MotionRequest {
             emotion,
@@ -384,7 +370,7 @@ impl Engine {
             .system
             .apply_controls(sampled, heard, request, blink_emotion)?;
         let mut moved = Cow::Borrowed(&base);
-        let on_motion = |control: &&Control| ![HEAD, GAZE, TONGUE].contains(&control.name);
+        let on_motion = |control: &&Control| !BESIDE_THE_FACE.contains(&control.name);
         for control in self.registration.controls().filter(on_motion) {
             if let Some(curve) = request.controls.animated(control.name) {
                 let at = |value: f64| {

@@ -2,6 +2,16 @@
 
 use crate::conditions::{Control, ControlStage, ControlValues, Controls};
 
+/// Controls of what moves beside the face: the engine obeys them, for every system.
+pub(crate) const HEAD: &str = "head_motion";
+pub(crate) const GAZE: &str = "gaze";
+pub(crate) const TONGUE: &str = "tongue";
+/// Obeyed both by the face and by the head.
+pub(crate) const BREATH: &str = "breath";
+pub(crate) const ARTICULATION: &str = "articulation";
+/// The controls that move nothing of the face itself.
+pub(crate) const BESIDE_THE_FACE: [&str; 3] = [HEAD, GAZE, TONGUE];
+
 /// One entry for each control. The struct, its defaults and the entries that interfaces show all
 /// come from it.
 macro_rules! performance_controls {

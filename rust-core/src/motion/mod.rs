@@ -54,6 +54,7 @@ pub use contacts::WidthGain;
 pub(crate) use contacts::{Parting, narrow, opening, width as mouth_width};
 #[cfg(feature = "cafe-talk")]
 pub(crate) use controls::control_named;
+pub(crate) use controls::{ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, TONGUE};
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};

@@ -8,10 +8,7 @@ use crate::{
     speech::{Script, VoiceTrack},
 };
 
-use super::Pose;
-
-/// The control for how far the lips open and close.
-const ARTICULATION: &str = "articulation";
+use super::{ARTICULATION, Pose};
 
 /// The frame rates that a result may have, in frames per second.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;

@@ -10,7 +10,8 @@ use crate::conditions::{ACTION_UNITS, Control, ControlStage, ControlValues, EMOT
 /// - `name`, `label` and `help` of the system.
 /// - `abilities`: names of what it can do that others cannot.
 /// - `sliders`: names of the aspects of its takes that can be scaled without a new run.
-/// - `fields`: [`FIELDS`] that it obeys, each with `name`, `label`, `help` and `kind`.
+/// - `fields`: [`FIELDS`] that it obeys, each with `name`, `label`, `help` and `kind`; those of the
+///   kind `number` also with `low`, `high`, `default` and `is_whole`.
 /// - `controls`: each with `name`, `label`, `help`, `unit`, `values` (`real`, `whole` or `choice`),
 ///   `choices`, `stage` (`face` or `motion`), `low`, `high`, `default`, `neutral` and `animatable`.
 /// - `emotions`: names of the emotions, in the order of their strengths.
@@ -40,12 +41,19 @@ fn obeys(system: &Registration, field: &Field) -> bool {
 }
 
 fn of_field(field: &Field) -> Value {
-    json!({
+    let mut row = json!({
         "name": field.name,
         "label": field.label,
         "help": field.help,
         "kind": field.kind.name(),
-    })
+    });
+    if let Some(range) = field.kind.range() {
+        row["low"] = range.low.into();
+        row["high"] = range.high.into();
+        row["default"] = range.default.into();
+        row["is_whole"] = range.is_whole.into();
+    }
+    row
 }
 
 fn of_control(control: &Control) -> Value {

@@ -13,7 +13,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{Control, ControlCurve, EMOTIONS, Emotion, EmotionCurve},
-    motion::{MotionRequest, Pose, check_closures, check_fps},
+    motion::{FPS, MotionRequest, Pose, check_closures, check_fps},
     speech::{Script, VoiceTrack},
     text::Reader,
 };
@@ -47,10 +47,10 @@ pub struct Need {
 }
 
 /// What a field takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldKind {
-    /// A number.
-    Number,
+    /// A number, or a text that holds one.
+    Number(NumberRange),
     /// A text; an empty one is as if none had been set.
     Text,
     /// A text such as `happy:0.7`, `auto`, `auto-arousal` or `off`, or rows with times: the strength of
@@ -64,6 +64,19 @@ pub enum FieldKind {
     Sound,
     /// The last frame of a motion.
     Pose,
+}
+
+/// The numbers that a field takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NumberRange {
+    /// The smallest one.
+    pub low: f64,
+    /// The largest one.
+    pub high: f64,
+    /// What a request has if nobody sets it.
+    pub default: f64,
+    /// Whether it is a whole number.
+    pub is_whole: bool,
 }
 
 /// A value for a field or for a control.
@@ -159,7 +172,7 @@ pub static FIELDS: &[Field] = &[
     Field {
         name: "emotion_of",
         label: "Emotion of",
-        help: "Another recording, whose emotion the face shows.",
+        help: "Another recording, whose emotion the face shows, stretched to the length of the sound.",
         kind: FieldKind::Sound,
         needs: Some(Need {
             ability: Ability::Emotion,
@@ -174,7 +187,7 @@ pub static FIELDS: &[Field] = &[
     Field {
         name: "starts_from",
         label: "Start from",
-        help: "The pose in which the face begins.",
+        help: "The pose in which the face begins: the last frame of a motion.",
         kind: FieldKind::Pose,
         needs: Some(Need {
             ability: Ability::FirstPose,
@@ -191,8 +204,8 @@ pub static FIELDS: &[Field] = &[
     },
     Field {
         name: "style",
-        label: "Style",
-        help: "The speaking style by name; without one, the model's own.",
+        label: "Speaker",
+        help: "Name of the speaker whose style the face copies; without one, the model's own.",
         kind: FieldKind::Text,
         needs: None,
         set: |request, value| {
@@ -203,8 +216,13 @@ pub static FIELDS: &[Field] = &[
     Field {
         name: "fps",
         label: "Frame Rate",
-        help: "Frames per second of the result, 1 to 240.",
-        kind: FieldKind::Number,
+        help: "Frames per second of the result.",
+        kind: FieldKind::Number(NumberRange {
+            low: *FPS.start(),
+            high: *FPS.end(),
+            default: 30.0,
+            is_whole: false,
+        }),
         needs: None,
         set: |request, value| {
             let fps = value.number()?;
@@ -217,7 +235,12 @@ pub static FIELDS: &[Field] = &[
         name: "seed",
         label: "Seed",
         help: "The same seed makes the same motion. It decides about blinks, brow accents, head, gaze and variety.",
-        kind: FieldKind::Number,
+        kind: FieldKind::Number(NumberRange {
+            low: 0.0,
+            high: u64::MAX as f64,
+            default: 0.0,
+            is_whole: true,
+        }),
         needs: None,
         set: |request, value| {
             request.seed = value.seed()?;
@@ -271,10 +294,18 @@ pub(crate) fn check_abilities(request: &MotionRequest, system: &Registration) ->
 }
 
 impl FieldKind {
+    /// The numbers that it takes, if it takes numbers.
+    pub fn range(self) -> Option<NumberRange> {
+        match self {
+            FieldKind::Number(range) => Some(range),
+            _ => None,
+        }
+    }
+
     /// Its name in descriptions.
     pub fn name(self) -> &'static str {
         match self {
-            FieldKind::Number => "number",
+            FieldKind::Number(_) => "number",
             FieldKind::Text => "text",
             FieldKind::Emotion => "emotion",
             FieldKind::Intervals => "intervals",
@@ -304,6 +335,7 @@ impl NamedValue<'_> {
     fn number(&self) -> Result<f64> {
         match self.value {
             FieldValue::Number(x) => Ok(x),
+            FieldValue::Text(text) => text.parse().or_else(|_| self.refuse("a number")),
             _ => self.refuse("a number"),
         }
     }
@@ -447,8 +479,19 @@ mod tests {
     }
 
     #[test]
+    fn a_field_of_numbers_says_its_range_and_default() {
+        let nothing = MotionRequest::default();
+        let defaults = [("fps", nothing.fps), ("seed", nothing.seed as f64)];
+        let fields = FIELDS.iter();
+        let fields = fields.filter_map(|field| Some((field.name, field.kind.range()?.default)));
+        assert_eq!(fields.collect::<Vec<_>>(), defaults);
+    }
+
+    #[test]
     fn values_reach_the_request() {
         assert_eq!(with("fps", FieldValue::Number(24.0)).unwrap().fps, 24.0);
+        assert_eq!(with("fps", FieldValue::Text("24")).unwrap().fps, 24.0);
+        assert!(refusal("fps", FieldValue::Text("fast")).contains("a number, got \"fast\""));
         let large = u64::MAX.to_string();
         assert_eq!(
             with("seed", FieldValue::Text(&large)).unwrap().seed,

@@ -23,9 +23,11 @@ use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, spe
 
 pub use describe::describe;
 pub(crate) use fields::check_abilities;
-pub use fields::{FIELDS, Field, FieldKind, FieldValue, Need, set_field};
+pub use fields::{FIELDS, Field, FieldKind, FieldValue, Need, NumberRange, set_field};
 pub use slider::Slider;
-pub use system::{Ability, Description, EmotionMask, Registration, Sampled, System};
+pub use system::{
+    Ability, Description, EmotionControls, EmotionMask, Registration, Sampled, System,
+};
 pub use windows::Windows;
 
 /// Every system. The first one is the default.

@@ -43,6 +43,8 @@ pub struct Registration {
     pub motion: MotionKind,
     /// What it can do that others cannot.
     pub abilities: &'static [Ability],
+    /// The controls of a system with [`Ability::Emotion`].
+    pub emotion: Option<EmotionControls>,
     /// The aspects of a finished take that can be scaled without a new run.
     pub sliders: &'static [Slider],
     /// Memory that a performance needs for each second of sound, bytes, measured at 30 frames a
@@ -66,6 +68,20 @@ pub enum Ability {
     FirstPose,
     /// Moves the parametric head of [`crate::head`].
     Head,
+}
+
+/// The controls by which a system that hears emotion chooses where it comes from and what shows it.
+pub struct EmotionControls {
+    /// The control of the source, with its values for the voice and for the emotion of the request.
+    pub source: &'static Control,
+    /// The value of `source` for the emotion that is heard.
+    pub voice: f32,
+    /// The value of `source` for the emotion that the request names.
+    pub named: f32,
+    /// The control of the layer.
+    pub layer: &'static Control,
+    /// The value of `layer` for speech alone.
+    pub content: f32,
 }
 
 impl Registration {

@@ -93,6 +93,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE, OWN_CONTROLS],
     motion: MotionKind::Weights,
     abilities: &[Ability::Events, Ability::Words],
+    emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 233_000,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),

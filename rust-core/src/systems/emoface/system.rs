@@ -29,7 +29,9 @@ use crate::{
     },
     speech::{CausalModel, EAR_MODEL, EmotionEar, Heard},
     spread::TemplateOnFace,
-    systems::{Ability, Description, EmotionMask, Registration, Sampled, Slider, System},
+    systems::{
+        Ability, Description, EmotionControls, EmotionMask, Registration, Sampled, Slider, System,
+    },
 };
 
 /// Built-in weights.
@@ -39,6 +41,8 @@ static CAUSAL_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_emoface::CAUSAL_SPE
 
 const VOICE: usize = 0;
 const EMOTION: usize = 1;
+/// The value of [`LAYER`] for speech alone.
+const CONTENT: f32 = 1.0;
 
 /// The source of the emotion features.
 static EMOTION_FROM: Control = Control {
@@ -180,6 +184,13 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
     abilities: &[Ability::Emotion, Ability::FirstPose],
+    emotion: Some(EmotionControls {
+        source: &EMOTION_FROM,
+        voice: VOICE as f32,
+        named: EMOTION as f32,
+        layer: &LAYER,
+        content: CONTENT,
+    }),
     sliders: &Slider::ALL,
     second_bytes: 373_000,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),

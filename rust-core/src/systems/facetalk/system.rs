@@ -92,6 +92,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
     abilities: &[Ability::Head],
+    emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 615_000,
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),

@@ -58,6 +58,7 @@ pub static REGISTRATION: Registration = Registration {
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Landmarks,
     abilities: &[],
+    emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 274_000,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
