@@ -29,10 +29,10 @@ def test_plain_fields_are_stored_with_the_face(addon):
     names = {field.name for field in systems.plain_fields()}
     assert {"seed", "style", "neutral_voice"} <= names and not {"fps", "text"} & names
     ob.anyface.seed, ob.anyface.style = 7, "grid_s1"
-    ob.anyface_audio.neutral_voice = "//calm.wav"
+    ob.anyface_audio.neutral_voice = "/calm.wav"
     settings = addon("ui.settings").from_object(ob, bpy.context.scene)
     assert set(settings.fields) == names
-    assert settings.fields["neutral_voice"] == "//calm.wav"
+    assert settings.fields["neutral_voice"] == "/calm.wav"
     request = addon("scene.bake").words_and_numbers(settings)
     assert request == {"seed": 7, "style": "grid_s1", "text": ""}
 
