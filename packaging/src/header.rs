@@ -1,11 +1,11 @@
-//! The headers in `include`, generated from the C interfaces.
+//! The headers in `include`, generated from the C interfaces, and Python's table of the functions.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 
-use crate::machine;
+use crate::{machine, signatures};
 
 /// A C interface.
 pub struct Interface {
@@ -63,27 +63,38 @@ const LIBRARY: &[&str] = &[
     "weight_stream",
 ];
 
-/// Writes the headers in include.
+/// Writes the headers in include, and Python's table of the functions.
 #[derive(Args)]
 pub struct Header {
-    /// Write nothing; fail if a committed header differs from what the sources give.
+    /// Write nothing; fail if a committed file differs from what the sources give.
     #[arg(long)]
     check: bool,
 }
 
 impl Header {
-    /// Writes or checks the headers.
+    /// Writes or checks the files.
     pub fn run(&self) -> Result<()> {
-        for interface in &INTERFACES {
-            let fresh = interface.generate()?;
+        for (path, fresh) in generated()? {
             if self.check {
-                check(&interface.path(), &fresh)?
+                check(&path, &fresh)?
             } else {
-                write(&interface.path(), &fresh)?
+                write(&path, &fresh)?
             }
         }
         Ok(())
     }
+}
+
+/// All files, with what the sources give.
+fn generated() -> Result<Vec<(PathBuf, String)>> {
+    let [library, microphone] = &INTERFACES;
+    let header = library.generate()?;
+    let table = signatures::table(&header)?;
+    Ok(vec![
+        (library.path(), header),
+        (machine::root().join(signatures::PATH), table),
+        (microphone.path(), microphone.generate()?),
+    ])
 }
 
 impl Interface {
@@ -160,9 +171,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_committed_headers_are_what_the_sources_give() {
-        for interface in &INTERFACES {
-            check(&interface.path(), &interface.generate().unwrap()).unwrap();
+    fn the_committed_files_are_what_the_sources_give() {
+        for (path, fresh) in generated().unwrap() {
+            check(&path, &fresh).unwrap();
         }
     }
 

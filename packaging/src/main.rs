@@ -18,6 +18,7 @@ mod platform;
 mod portable;
 mod prepare;
 mod python;
+mod signatures;
 mod site;
 mod steps;
 mod symbols;
