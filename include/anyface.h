@@ -52,18 +52,16 @@
  * What the library receives is copied: the caller's arrays and texts may go right after the call.
  * What it lends says how long it lives. Never free() anything that came from here.
  *
- * Options
- * -------
+ * Requests
+ * --------
  *
- * A request says how the face shall speak. anyface_describe() lists what can be asked for:
+ * A request says by name how an engine, a face and a performance shall be. anyface_describe() lists
+ * what can be asked of a performance, the functions say what else they read:
  *
  *     AnyfaceRequest *request = NULL;
  *     anyface_request_new(&request, &error);
  *     anyface_request_set_text(request, "emotion", "happy:0.7", &error);
  *     anyface_request_set_number(request, "fps", 25.0, &error);
- *
- * Options of engines and faces are plain structs that may grow in later versions. Prepare them with
- * their function, then set what you need.
  *
  * Threads
  * -------
@@ -129,33 +127,7 @@ typedef enum {
     ANYFACE_STATUS_OUT_OF_MEMORY = 13,
 } AnyfaceStatus;
 
-/// Where results that depend only on the mesh are kept between runs; for `AnyfaceEngineOptions`.
-typedef enum {
-    /// In the user's cache folder, bounded in size. The default.
-    ANYFACE_CACHE_USER = 0,
-    /// Nothing is read or written.
-    ANYFACE_CACHE_OFF = 1,
-    /// In the folder `cache_dir`.
-    ANYFACE_CACHE_FOLDER = 2,
-} AnyfaceCache;
-
-/// An axis of the mesh's own frame; for `AnyfaceFaceOptions`.
-typedef enum {
-    /// +x
-    ANYFACE_AXIS_POS_X = 0,
-    /// -x
-    ANYFACE_AXIS_NEG_X = 1,
-    /// +y
-    ANYFACE_AXIS_POS_Y = 2,
-    /// -y
-    ANYFACE_AXIS_NEG_Y = 3,
-    /// +z
-    ANYFACE_AXIS_POS_Z = 4,
-    /// -z
-    ANYFACE_AXIS_NEG_Z = 5,
-} AnyfaceAxis;
-
-/// What a connected part of the mesh is, and what it follows; for `AnyfaceFaceOptions` and
+/// What a connected part of the mesh is, and what it follows; for `anyface_face_new()` and
 /// `anyface_face_copy_parts()`.
 typedef enum {
     /// The face itself.
@@ -308,10 +280,11 @@ typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 /// cancelled.
 typedef struct AnyfaceProgress AnyfaceProgress;
 
-/// How a face and a performance shall be. `anyface_describe()` lists the names of fields and
-/// controls that a system obeys; whatever is not set has its default. One request may serve any
-/// number of faces and performances: a face reads the controls of the stage `face`, a performance
-/// everything else. No other call may use it while it is changed.
+/// How an engine, a face and a performance shall be. `anyface_describe()` lists the names of fields
+/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()` and
+/// `anyface_rig_new()` say what else they read. Whatever is not set has its default. One request may
+/// serve any number of engines, faces and performances: each reads only what concerns it. No other
+/// call may use it while it is changed.
 typedef struct AnyfaceRequest AnyfaceRequest;
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
@@ -355,88 +328,6 @@ typedef struct AnyfaceWeights AnyfaceWeights;
 /// job, and from call to call. Calls for one handle never overlap. It must not throw or longjmp,
 /// and must not start a job with the same handle.
 typedef int (*AnyfaceProgressFn)(void *user, const char *stage, float fraction);
-
-/// Options of an engine; prepare them with `anyface_engine_options_init()`.
-typedef struct {
-    /// Bytes of this struct in the caller's header; set by `anyface_engine_options_init()`.
-    size_t struct_size;
-    /// Folder of model files that replace the built-in ones, UTF-8; NULL for the built-in ones.
-    const char *weights_dir;
-    /// Folder of a HuBERT or wav2vec2 model (`config.json` and `model.safetensors`) that replaces
-    /// the built-in speech encoder, UTF-8; `weights_dir` must then hold weights trained with it.
-    /// NULL, the default, for the built-in one.
-    const char *speech_dir;
-    /// Folder for `ANYFACE_CACHE_FOLDER`, UTF-8; otherwise NULL.
-    const char *cache_dir;
-    /// One of `AnyfaceCache`; default `ANYFACE_CACHE_USER`.
-    int32_t cache;
-    /// Worker threads; 0, the default, for one per core. The result does not depend on this number.
-    uint32_t threads;
-    /// Name of the system that turns speech into motion, from `anyface_system_name()`, UTF-8; NULL,
-    /// the default, for the first.
-    const char *system;
-    /// Folder of a model that replaces the built-in recognition of emotions wherever the emotion is
-    /// taken from the voice, UTF-8: Whisper base (`openai/whisper-base`) or an emotion classifier
-    /// on HuBERT or wav2vec2 (`config.json` with labels, weights). NULL, the default, for the
-    /// built-in one.
-    const char *emotion_model_dir;
-} AnyfaceEngineOptions;
-
-/// What is known about a face; prepare it with `anyface_face_options_init()`.
-///
-/// Landmarks may be given as positions, as vertices, as both, or as JSON. Without any the library
-/// finds them.
-typedef struct {
-    /// Bytes of this struct in the caller's header; set by `anyface_face_options_init()`.
-    size_t struct_size;
-    /// `[68, 3]`, mesh units and axes, in the order of iBUG 300-W. Each moves to the nearest
-    /// suitable place on the surface, unless it lies at its vertex in `landmark_vertices`. NULL if
-    /// not given.
-    const float *landmark_positions;
-    /// `[68]` vertex numbers, NULL if not given. Together with positions, a point that lies exactly
-    /// at its vertex stays on that vertex. Points of `anyface_opened_face_copy_landmarks()` need
-    /// this where rims touch.
-    const uint32_t *landmark_vertices;
-    /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL if
-    /// not given.
-    const char *landmark_json;
-    /// The axis out of the face, one of `AnyfaceAxis`; default +z, as in OBJ and glTF. Blender
-    /// faces -y.
-    int32_t forward;
-    /// The axis to the top of the head, one of `AnyfaceAxis`; default +y. Blender has +z.
-    int32_t up;
-    /// The controls of the stage "face" that are set in it, such as "learned", act on the face. The
-    /// handle is used only until the call returns. NULL: all have their defaults.
-    const AnyfaceRequest *request;
-    /// `[part_count]` numbers of the parts whose role the caller knows, as in
-    /// `anyface_face_copy_parts()`; NULL if there are none. The library recognises all other parts
-    /// by their shape and place.
-    const uint32_t *part_numbers;
-    /// `[part_count]` roles of these parts, each one of `AnyfacePartRole`; NULL if there are none.
-    const int32_t *part_roles;
-    /// Number of parts whose role the caller knows.
-    size_t part_count;
-    /// `[fixed_count]` numbers, 0 to 67, of landmarks that stay where the caller puts them while the
-    /// others adapt; NULL if there are none.
-    const uint32_t *fixed_numbers;
-    /// `[fixed_count, 3]` positions of these landmarks, mesh units and axes; each moves onto the
-    /// surface. NULL if there are none.
-    const float *fixed_positions;
-    /// Number of landmarks that stay.
-    size_t fixed_count;
-    /// `[object_vertex_count]`: which object each vertex belongs to, for a mesh that was joined
-    /// from several objects (a face, its teeth, its lashes); `UINT32_MAX` for none. NULL if not
-    /// given.
-    const uint32_t *object_of_vertex;
-    /// Number of vertices of the mesh if `object_of_vertex` is given, otherwise 0.
-    size_t object_vertex_count;
-    /// `[object_count]`: the role of every part of an object, one of `AnyfacePartRole`, or -1 if
-    /// the library should recognise its parts by their shape and place. `part_numbers` take
-    /// precedence over these. NULL if there are no objects.
-    const int32_t *object_roles;
-    /// Number of objects.
-    size_t object_count;
-} AnyfaceFaceOptions;
 
 /// What a face does for a while; for `anyface_events_new()`.
 typedef struct {
@@ -520,18 +411,27 @@ void anyface_progress_cancel(const AnyfaceProgress *progress);
 /// Frees a progress handle that no running call uses; nothing happens for NULL.
 void anyface_progress_free(AnyfaceProgress *progress);
 
-/// Sets every option to its default. `struct_size` is `sizeof *options`.
-///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
-/// version had.
-AnyfaceStatus anyface_engine_options_init(AnyfaceEngineOptions *options, size_t struct_size);
-
 /// Loads the weights. This takes some tenths of a second, so keep the engine.
 ///
-/// `options` may be NULL for the defaults. Free with `anyface_engine_free()`.
+/// `request` may be NULL. An engine reads of it:
+/// - "system", a text: the name of the system that turns speech into motion; without it the first
+///   of `anyface_describe()`.
+/// - "weights_dir", a text: a folder of model files that replace the built-in ones.
+/// - "speech_dir", a text: a folder of a HuBERT or wav2vec2 model (`config.json` and
+///   `model.safetensors`) that replaces the built-in speech encoder. "weights_dir" must then hold
+///   weights that were trained with it.
+/// - "emotion_model_dir", a text: a folder of a model that replaces the built-in recognition of
+///   emotions wherever the emotion is taken from the voice: Whisper base (`openai/whisper-base`) or
+///   an emotion classifier on HuBERT or wav2vec2 (`config.json` with labels, weights).
+/// - "cache", a text: a folder for results that depend only on a mesh, or "off". Without it they
+///   are kept in the user's cache folder, bounded in size.
+/// - "threads", a number: worker threads; 0, the default, for one per core. The result does not
+///   depend on it.
+///
+/// Free with `anyface_engine_free()`.
 /// Fails with `ANYFACE_STATUS_WEIGHTS` if a model file is missing, truncated or does not fit its
-/// config, and with `ANYFACE_STATUS_INVALID_INPUT` for an unknown system or an option out of range.
-AnyfaceStatus anyface_engine_new(const AnyfaceEngineOptions *options,
+/// config, and with `ANYFACE_STATUS_INVALID_INPUT` for an unknown system.
+AnyfaceStatus anyface_engine_new(const AnyfaceRequest *request,
                                  AnyfaceEngine **out,
                                  AnyfaceError **error);
 
@@ -793,7 +693,7 @@ int32_t anyface_sounds_label_closes_lips(const char *label);
 /// Frees sounds that no running call uses; nothing happens for NULL.
 void anyface_sounds_free(AnyfaceSounds *sounds);
 
-/// The name by which `AnyfaceEngineOptions` selects a system: 0 is the default one. NULL after the
+/// The name by which "system" of a request selects a system: 0 is the default one. NULL after the
 /// last one. Lives as long as the library is loaded.
 const char *anyface_system_name(size_t index);
 
@@ -813,8 +713,8 @@ const char *anyface_describe(const char *system);
 AnyfaceStatus anyface_request_new(AnyfaceRequest **out, AnyfaceError **error);
 
 /// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
-/// "off") and "events" (`anyface_events_json()`), the seed, and controls that are a choice. An empty
-/// text asks for nothing.
+/// "off") and "events" (`anyface_events_json()`), the seed, controls that are a choice, and what else
+/// is said to be a text, such as "system" of `anyface_engine_new()`. An empty text asks for nothing.
 ///
 /// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a
 /// field that takes something else, or for a text that it cannot read. The request is then as it was.
@@ -823,8 +723,9 @@ AnyfaceStatus anyface_request_set_text(AnyfaceRequest *request,
                                        const char *text,
                                        AnyfaceError **error);
 
-/// Asks for a number: fields of the kind "number", and controls. For a control that is a choice, the
-/// number of the chosen name.
+/// Asks for a number: fields of the kind "number", controls, and what else is said to be a number,
+/// such as "threads" of `anyface_engine_new()`. For a control that is a choice, the number of the
+/// chosen name.
 ///
 /// Fails like `anyface_request_set_text()`. The range of a control is checked when it is used.
 AnyfaceStatus anyface_request_set_number(AnyfaceRequest *request,
@@ -834,11 +735,11 @@ AnyfaceStatus anyface_request_set_number(AnyfaceRequest *request,
 
 /// Asks for rows of numbers: fields of the kinds "emotion" (`column_count` is
 /// `ANYFACE_EMOTION_COUNT`, strengths of 0 or more, each row with a sum of at most 1.5) and
-/// "intervals" (2 columns: start and end, seconds, no times), and controls that change over time (1
-/// column).
+/// "intervals" (2 columns: start and end, seconds, no times), controls that change over time (1
+/// column), and what else is said to be rows (no times), such as "landmarks" of `anyface_face_new()`.
 ///
 /// `times_s`: `[row_count]`, seconds, rising: values are linear between the rows, and constant before
-/// the first and after the last. NULL for intervals and for a single row of an emotion.
+/// the first and after the last. NULL for rows without times and for a single row of an emotion.
 /// `values`: `[row_count, column_count]`. Both are copied.
 /// Fails like `anyface_request_set_text()`.
 AnyfaceStatus anyface_request_set_rows(AnyfaceRequest *request,
@@ -861,23 +762,35 @@ AnyfaceStatus anyface_request_set_sound(AnyfaceRequest *request,
 /// Frees a request that no running call uses; nothing happens for NULL.
 void anyface_request_free(AnyfaceRequest *request);
 
-/// Sets every option to its default. `struct_size` is `sizeof *options`.
-///
-/// Fails with `ANYFACE_STATUS_NULL_POINTER`, or `ANYFACE_STATUS_INVALID_INPUT` for a size that no
-/// version had.
-AnyfaceStatus anyface_face_options_init(AnyfaceFaceOptions *options, size_t struct_size);
-
 /// Takes or finds the landmarks of a mesh and computes everything that does not depend on time.
 /// Long: accepts a progress handle. The engine's cache keeps the result.
 ///
-/// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
-/// `anyface_face_free()`.
+/// `request` and `progress` may be NULL. A face reads of a request its controls of the stage "face",
+/// such as "learned", and:
+/// - "forward" and "up", texts: the axis out of the face and the axis to the top of the head, "+x"
+///   to "-z"; without them "+z" and "+y", as in OBJ and glTF. Blender has "-y" and "+z".
+/// - "landmarks", 68 rows of x, y, z in mesh units and axes, in the order of iBUG 300-W; or the text
+///   of a landmark file as `anyface_face_write_landmarks()` writes it. Each landmark moves to the
+///   nearest suitable place on the surface, unless it lies at its vertex in "landmark_vertices".
+/// - "landmark_vertices", 68 rows of a vertex number. Together with positions, a point that lies
+///   exactly at its vertex stays on that vertex. Points of `anyface_opened_face_copy_landmarks()`
+///   need this where rims touch. Without these and "landmarks" the library finds the face.
+/// - "fixed_landmarks", rows of a landmark's number, 0 to 67, and x, y, z: it stays there, while the
+///   others adapt; it moves onto the surface.
+/// - "part_roles", rows of the number of a part, as in `anyface_face_copy_parts()`, and its
+///   `AnyfacePartRole`. The library recognises all other parts by their shape and place.
+/// - "object_of_vertex", `V` rows of a number: which object each vertex belongs to, for a mesh that
+///   was joined from several objects (a face, its teeth, its lashes); -1 for none.
+/// - "object_roles", a row for each object: the `AnyfacePartRole` of all its parts, or -1 if the
+///   library shall recognise them. "part_roles" take precedence.
+///
+/// The mesh may be freed afterwards. Free with `anyface_face_free()`.
 /// Fails with `ANYFACE_STATUS_FACE_NOT_FOUND`, `ANYFACE_STATUS_MESH` for a mesh that cannot be
-/// used, `ANYFACE_STATUS_INVALID_INPUT` for unusable landmarks or options,
+/// used, `ANYFACE_STATUS_INVALID_INPUT` for unusable landmarks or parts,
 /// `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_face_new(const AnyfaceEngine *engine,
                                const AnyfaceMesh *mesh,
-                               const AnyfaceFaceOptions *options,
+                               const AnyfaceRequest *request,
                                const AnyfaceProgress *progress,
                                AnyfaceFace **out,
                                AnyfaceError **error);
@@ -889,7 +802,7 @@ AnyfaceStatus anyface_face_new(const AnyfaceEngine *engine,
 /// Arguments and failures are those of `anyface_face_new()`.
 AnyfaceStatus anyface_face_find(const AnyfaceEngine *engine,
                                 const AnyfaceMesh *mesh,
-                                const AnyfaceFaceOptions *options,
+                                const AnyfaceRequest *request,
                                 const AnyfaceProgress *progress,
                                 AnyfaceFace **out,
                                 AnyfaceError **error);
@@ -1677,32 +1590,23 @@ AnyfaceStatus anyface_curves_copy_keys(const AnyfaceCurves *curves,
 /// Frees curves that no running call uses; nothing happens for NULL.
 void anyface_curves_free(AnyfaceCurves *curves);
 
-/// Makes the shapes of a mesh with the engine's network. The landmarks come from the options, or
-/// else they are found on the mesh. Long: accepts a progress handle.
+/// Makes the shapes of a mesh with the engine's network. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL. The options' controls have no effect. The mesh may be
-/// freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+/// `request` and `progress` may be NULL. Landmarks, axes and parts of the request are those of
+/// `anyface_face_new()`; its controls have no effect. Numbers of it that are 0, the default, or 1:
+/// - "by_field": the skin is moved by a field, that of the head in FaceTalk's model that is most
+///   like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut" stay as the network makes them.
+/// - "in_betweens", with "by_field": one more shape "NAME_half" for each of ARKit's shapes follows
+///   at the end: the face at weight 0.5, which need not lie halfway.
+///
+/// The mesh may be freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()`
+/// does, and with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
 AnyfaceStatus anyface_rig_new(const AnyfaceEngine *engine,
                               const AnyfaceMesh *mesh,
-                              const AnyfaceFaceOptions *options,
+                              const AnyfaceRequest *request,
                               const AnyfaceProgress *progress,
                               AnyfaceRig **out,
                               AnyfaceError **error);
-
-/// Makes the shapes of `anyface_rig_new()`, but with the skin moved by a field: that of the head in
-/// FaceTalk's model that is most like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut"
-/// stay as `anyface_rig_new()` makes them. Long: accepts a progress handle.
-///
-/// `in_betweens`: if not 0, one more shape "NAME_half" for each of ARKit's shapes follows at the
-/// end: the face at weight 0.5, which need not lie halfway. All else is as for `anyface_rig_new()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
-AnyfaceStatus anyface_rig_new_by_field(const AnyfaceEngine *engine,
-                                       const AnyfaceMesh *mesh,
-                                       const AnyfaceFaceOptions *options,
-                                       int32_t in_betweens,
-                                       const AnyfaceProgress *progress,
-                                       AnyfaceRig **out,
-                                       AnyfaceError **error);
 
 /// Number `S` of shapes. The 52 ARKit shapes come first. 0 for NULL.
 size_t anyface_rig_shape_count(const AnyfaceRig *rig);

@@ -16,53 +16,12 @@ from ctypes import (
     c_float,
     c_int32,
     c_size_t,
-    c_uint32,
-    c_void_p,
 )
 from itertools import count, takewhile
 from pathlib import Path
 
 from .errors import AnyfaceError
 from .signatures import ABI_VERSION, SIGNATURES
-
-
-class EngineOptions(Structure):
-    """`AnyfaceEngineOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("weights_dir", c_char_p),
-        ("speech_dir", c_char_p),
-        ("cache_dir", c_char_p),
-        ("cache", c_int32),
-        ("threads", c_uint32),
-        ("system", c_char_p),
-        ("emotion_model_dir", c_char_p),
-    ]
-
-
-class FaceOptions(Structure):
-    """`AnyfaceFaceOptions`."""
-
-    _fields_ = [
-        ("struct_size", c_size_t),
-        ("landmark_positions", POINTER(c_float)),
-        ("landmark_vertices", POINTER(c_uint32)),
-        ("landmark_json", c_char_p),
-        ("forward", c_int32),
-        ("up", c_int32),
-        ("request", c_void_p),
-        ("part_numbers", POINTER(c_uint32)),
-        ("part_roles", POINTER(c_int32)),
-        ("part_count", c_size_t),
-        ("fixed_numbers", POINTER(c_uint32)),
-        ("fixed_positions", POINTER(c_float)),
-        ("fixed_count", c_size_t),
-        ("object_of_vertex", POINTER(c_uint32)),
-        ("object_vertex_count", c_size_t),
-        ("object_roles", POINTER(c_int32)),
-        ("object_count", c_size_t),
-    ]
 
 
 class Event(Structure):

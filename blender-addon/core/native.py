@@ -1,7 +1,6 @@
 """An engine of the native library: meshes and sounds as numpy arrays in, motion out."""
 
 import copy
-import ctypes
 import math
 import os
 from contextlib import ExitStack
@@ -15,12 +14,7 @@ from .calls import Calls
 from .errors import AnyfaceError
 from .heard_emotion import HeardEmotion
 from .job import Progress
-from .library import (
-    EngineOptions,
-    FaceOptions,
-    library_path,
-    load,
-)
+from .library import library_path, load
 from .native_basis import BasisCalls
 from .native_curves import CurveCalls
 from .native_events import EventCalls
@@ -44,13 +38,10 @@ from .take import (
 )
 
 LANDMARKS = 68
-# In the order of `AnyfaceAxis`.
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 # Samples of a decoded sound are mono at this rate.
 _DECODED_RATE_HZ = 16000.0
 _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uint32)
-# `ANYFACE_CACHE_FOLDER`.
-_CACHE_IN_FOLDER = 2
 
 
 class Engine(
@@ -92,15 +83,13 @@ class Engine(
         self.models = weights
         description = systems.find(system, systems.read(self._library))
         self._description, self._sliders_offered = description, description.sliders
-        options = self._options(EngineOptions, "anyface_engine_options_init")
-        options.threads, options.system = threads, system.encode() or None
-        if cache is not None:
-            options.cache, options.cache_dir = _CACHE_IN_FOLDER, os.fsencode(cache)
-        if weights is not None:
-            options.weights_dir = os.fsencode(weights)
-        if emotion_model is not None:
-            options.emotion_model_dir = os.fsencode(emotion_model)
-        self._handle = self._make("anyface_engine_new", byref(options))
+        folders = {"cache": cache, "weights_dir": weights, "emotion_model_dir": emotion_model}
+        with ExitStack() as handles:
+            request = self._own(handles, "request", "anyface_request_new")
+            self._call("anyface_request_set_number", request, b"threads", threads)
+            for name, text in {"system": system, **folders}.items():
+                self._text(request, name, text or "")
+            self._handle = self._make("anyface_engine_new", request)
 
     @property
     def fields(self) -> tuple[systems.Field, ...]:
@@ -206,9 +195,9 @@ class Engine(
     def _face(self, handles, positions, triangles, landmarks, request, watch):
         """A mesh prepared for animation; `landmarks` are positions and vertex numbers."""
         mesh = self._mesh(handles, positions, triangles)
-        options, _alive = self._face_options(*landmarks, request.roles)
-        options.request = self._controls(handles, request, systems.FACE)
-        arguments = (self._handle, mesh, byref(options), watch.handle)
+        handle = self._controls(handles, request, systems.FACE)
+        self._ask_face(handle, *landmarks, request.roles)
+        arguments = (self._handle, mesh, handle, watch.handle)
         return self._own(handles, "face", "anyface_face_new", *arguments)
 
     def _animation(self, handles, results, request, watch) -> Animation:
@@ -319,8 +308,8 @@ class Engine(
     def _found_face(self, handles, positions, triangles, landmarks, watch, roles=None, fixed=None):
         """A mesh with its face found; `landmarks` are positions and vertex numbers."""
         mesh = self._mesh(handles, positions, triangles)
-        options, _alive = self._face_options(*landmarks, roles, fixed)
-        arguments = (self._handle, mesh, byref(options), watch.handle)
+        request = self._face_request(handles, *landmarks, roles, fixed)
+        arguments = (self._handle, mesh, request, watch.handle)
         return self._own(handles, "face", "anyface_face_find", *arguments)
 
     def _found(self, face, vertex_count: int) -> Found:
@@ -342,32 +331,32 @@ class Engine(
         right, left = (LIDS[self._library.anyface_face_lids(face, side)] for side in (0, 1))
         return right, left
 
-    def _face_options(self, landmarks, vertices, roles, fixed=None):
-        """The options, and the arrays that must live as long as the options."""
-        options = self._options(FaceOptions, "anyface_face_options_init")
-        options.forward, options.up = AXES.index(self.forward), AXES.index(self.up)
-        arrays = {}
-        if landmarks is not None:
-            arrays["landmark_positions"] = np.asarray(landmarks, dtype=np.float32)
-        if vertices is not None:
-            arrays["landmark_vertices"] = np.asarray(vertices, dtype=np.uint32)
+    def _face_request(self, handles, landmarks, vertices, roles, fixed=None):
+        """A request of the library with what is known about a face."""
+        request = self._own(handles, "request", "anyface_request_new")
+        self._ask_face(request, landmarks, vertices, roles, fixed)
+        return request
+
+    def _ask_face(self, request, landmarks, vertices, roles, fixed=None) -> None:
+        """Puts what is known about a face into a request of the library."""
+        self._text(request, "forward", self.forward)
+        self._text(request, "up", self.up)
+        rows = {"landmarks": landmarks, "landmark_vertices": vertices}
         if fixed:
-            options.fixed_count = len(fixed)
-            arrays["fixed_numbers"] = np.array(list(fixed), dtype=np.uint32)
-            arrays["fixed_positions"] = np.array(list(fixed.values()), dtype=np.float32)
+            rows["fixed_landmarks"] = [(number, *place) for number, place in fixed.items()]
         if roles is not None:
-            options.part_count = len(roles.numbers)
-            arrays["part_numbers"] = np.array(roles.numbers, dtype=np.uint32)
-            arrays["part_roles"] = np.array(roles.number_roles, dtype=np.int32)
-            options.object_vertex_count = len(roles.object_of_vertex)
-            options.object_count = len(roles.object_roles)
-            arrays["object_of_vertex"] = np.asarray(roles.object_of_vertex, dtype=np.uint32)
-            arrays["object_roles"] = np.array(roles.object_roles, dtype=np.int32)
-        kinds = dict(FaceOptions._fields_)
-        for name, array in arrays.items():
-            arrays[name] = np.ascontiguousarray(array)
-            setattr(options, name, arrays[name].ctypes.data_as(kinds[name]))
-        return options, arrays
+            rows["part_roles"] = np.column_stack([roles.numbers, roles.number_roles])
+            # The number of no object, 2^32 - 1, becomes -1.
+            owners = np.ascontiguousarray(roles.object_of_vertex, dtype=np.uint32)
+            rows["object_of_vertex"] = owners.view(np.int32)
+            rows["object_roles"] = roles.object_roles
+        for name, values in rows.items():
+            if values is not None:
+                self._rows(request, name.encode(), None, values)
+
+    def _text(self, request, name: str, text) -> None:
+        """Asks for a text or a path; an empty one asks for nothing."""
+        self._call("anyface_request_set_text", request, name.encode(), os.fsencode(text))
 
     def _controls(self, handles, request: Request, stage: str):
         """A request of the library with the controls of a stage."""
@@ -433,11 +422,6 @@ class Engine(
                 self._ask(handles, handle, known.kind, known.name.encode(), value, face)
         arguments = (self._handle, audio, handle, watch.handle)
         return self._own(handles, "motion", "anyface_motion_new", *arguments)
-
-    def _options(self, kind, init: str):
-        options = kind()
-        self._check(getattr(self._library, init)(byref(options), ctypes.sizeof(kind)), None)
-        return options
 
     def _watch(self, progress: Progress) -> "_Watch":
         return _Watch(self._library, progress)

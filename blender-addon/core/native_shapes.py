@@ -3,7 +3,7 @@
 import os
 import weakref
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_char_p, c_float, c_uint32
+from ctypes import POINTER, c_char_p, c_float, c_uint32
 
 import numpy as np
 
@@ -38,13 +38,11 @@ class ShapeCalls:
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
             mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, roles)
-            arguments = self._handle, mesh, byref(options)
-            if by.field:
-                arguments = "anyface_rig_new_by_field", *arguments, by.in_betweens, watch.handle
-            else:
-                arguments = "anyface_rig_new", *arguments, watch.handle
-            rig = self._own(handles, "rig", *arguments)
+            request = self._face_request(handles, landmarks, landmark_vertices, roles)
+            for name, is_on in ((b"by_field", by.field), (b"in_betweens", by.in_betweens)):
+                self._call("anyface_request_set_number", request, name, is_on)
+            arguments = self._handle, mesh, request, watch.handle
+            rig = self._own(handles, "rig", "anyface_rig_new", *arguments)
             count = self._library.anyface_rig_shape_count(rig)
             vectors = np.empty((count, len(positions), 3), dtype=np.float32)
             for number in range(count):
@@ -75,8 +73,8 @@ class ShapeCalls:
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
             mesh = self._mesh(handles, positions, triangles)
-            options, _alive = self._face_options(landmarks, landmark_vertices, roles)
-            arguments = self._handle, mesh, byref(options), watch.handle
+            request = self._face_request(handles, landmarks, landmark_vertices, roles)
+            arguments = self._handle, mesh, request, watch.handle
             rig = self._own(handles, "rig", "anyface_rig_new", *arguments)
             self._call("anyface_clip_write_shapes", clip, rig, os.fsencode(path))
 

@@ -45,17 +45,17 @@ static AnyfaceStatus make_events(Run *run, const char *text, AnyfaceError **erro
 }
 
 static AnyfaceStatus perform(Run *run, const char *voice, AnyfaceError **error) {
-    AnyfaceEngineOptions engine_options;
-    anyface_engine_options_init(&engine_options, sizeof engine_options);
-    engine_options.system = "cafe-talk"; /* the one that shows events */
     AnyfaceRequest *request = NULL;
     AnyfaceStatus status = anyface_request_new(&request, error);
     if (status == ANYFACE_STATUS_OK) {
         const char *events = anyface_events_json(run->events);
         status = anyface_request_set_text(request, "events", events, error);
     }
+    if (status == ANYFACE_STATUS_OK) { /* the one that shows events */
+        status = anyface_request_set_text(request, "system", "cafe-talk", error);
+    }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_engine_new(&engine_options, &run->engine, error);
+        status = anyface_engine_new(request, &run->engine, error);
     }
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_audio_read(voice, &run->audio, error);

@@ -67,9 +67,7 @@ static AnyfaceStatus obey(Live *live, const char *word, AnyfaceError **error) {
 }
 
 static AnyfaceStatus follow(Live *live, char **words, AnyfaceError **error) {
-    AnyfaceEngineOptions options;
-    anyface_engine_options_init(&options, sizeof options);
-    AnyfaceStatus status = anyface_engine_new(&options, &live->engine, error);
+    AnyfaceStatus status = anyface_engine_new(NULL, &live->engine, error);
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_weight_stream_new(live->engine, &live->stream, error);
     }

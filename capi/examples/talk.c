@@ -89,18 +89,16 @@ static AnyfaceStatus load(Run *run, const char *mesh, const char *audio) {
 static AnyfaceStatus animate(Run *run, const char *emotion) {
     AnyfaceError *error = NULL;
 
-    AnyfaceFaceOptions face_options;
-    anyface_face_options_init(&face_options, sizeof face_options);
-    face_options.landmark_json = run->landmark_json; /* NULL: the library finds them */
-
     AnyfaceRequest *request = NULL;
     AnyfaceStatus status = anyface_request_new(&request, &error);
     if (status == ANYFACE_STATUS_OK && emotion != NULL) {
         status = anyface_request_set_text(request, "emotion", emotion, &error);
     }
+    if (status == ANYFACE_STATUS_OK && run->landmark_json != NULL) { /* else the library finds them */
+        status = anyface_request_set_text(request, "landmarks", run->landmark_json, &error);
+    }
     if (status == ANYFACE_STATUS_OK) {
-        status = anyface_face_new(run->engine, run->mesh, &face_options, run->progress, &run->face,
-                                  &error);
+        status = anyface_face_new(run->engine, run->mesh, request, run->progress, &run->face, &error);
     }
     if (status == ANYFACE_STATUS_OK) {
         anyface_engine_animate(run->engine, run->face, run->audio, request, run->progress, &run->clip,

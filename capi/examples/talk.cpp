@@ -58,11 +58,10 @@ anyface::Clip perform(const AnyfaceEngine *engine, const Arrays &arrays, const c
         arrays.triangles.data(), arrays.triangles.size() / 3);
     const auto audio = anyface::make<anyface::Audio>(anyface_audio_read, voice);
 
-    AnyfaceFaceOptions face_options;
-    anyface_face_options_init(&face_options, sizeof face_options);
-    face_options.landmark_json = landmarks.empty() ? nullptr : landmarks.c_str();
+    const auto request = anyface::make<anyface::Request>(anyface_request_new);
+    anyface::call(anyface_request_set_text, request.get(), "landmarks", landmarks.c_str());
     const auto face = anyface::make<anyface::Face>(anyface_face_new, engine, mesh.get(),
-                                                   &face_options, progress);
+                                                   request.get(), progress);
 
     // Emotion over time: calm at first, surprised after half a second.
     std::vector<float> strengths(2 * ANYFACE_EMOTION_COUNT);
@@ -70,7 +69,6 @@ anyface::Clip perform(const AnyfaceEngine *engine, const Arrays &arrays, const c
     anyface::call(anyface_emotion_parse, "surprised:0.8", &strengths[ANYFACE_EMOTION_COUNT]);
     const std::vector<double> rows(strengths.begin(), strengths.end());
     const double times_s[] = {0.0, 0.5};
-    const auto request = anyface::make<anyface::Request>(anyface_request_new);
     anyface::call(anyface_request_set_rows, request.get(), "emotion", times_s, rows.data(),
                   std::size_t{2}, ANYFACE_EMOTION_COUNT);
     anyface::call(anyface_request_set_number, request.get(), "fps", 25.0);
@@ -113,7 +111,7 @@ void report(const AnyfaceClip *clip) {
 
 int run(int argc, char **argv) {
     const auto engine = anyface::make<anyface::Engine>(
-        anyface_engine_new, static_cast<const AnyfaceEngineOptions *>(nullptr));
+        anyface_engine_new, static_cast<const AnyfaceRequest *>(nullptr));
     const Arrays arrays = read_scene(argv[1]);
     const std::string landmarks = std::string(argv[3]) == "-" ? "" : read_text(argv[3]);
     const double limit_s = argc > 4 ? std::atof(argv[4]) : 1e9;

@@ -8,11 +8,12 @@ use libc::c_char;
 use crate::{
     engine::AnyfaceEngine,
     error::AnyfaceError,
-    face_options::{AnyfaceFaceOptions, ROLES, of_mesh},
+    face_request::{ROLES, of_mesh},
     guard,
     mesh::AnyfaceMesh,
     pointer,
     progress::AnyfaceProgress,
+    request::AnyfaceRequest,
     status::AnyfaceStatus,
 };
 
@@ -50,22 +51,40 @@ pub enum AnyfaceLids {
 /// Takes or finds the landmarks of a mesh and computes everything that does not depend on time.
 /// Long: accepts a progress handle. The engine's cache keeps the result.
 ///
-/// `options` and `progress` may be NULL. The mesh may be freed afterwards. Free with
-/// `anyface_face_free()`.
+/// `request` and `progress` may be NULL. A face reads of a request its controls of the stage "face",
+/// such as "learned", and:
+/// - "forward" and "up", texts: the axis out of the face and the axis to the top of the head, "+x"
+///   to "-z"; without them "+z" and "+y", as in OBJ and glTF. Blender has "-y" and "+z".
+/// - "landmarks", 68 rows of x, y, z in mesh units and axes, in the order of iBUG 300-W; or the text
+///   of a landmark file as `anyface_face_write_landmarks()` writes it. Each landmark moves to the
+///   nearest suitable place on the surface, unless it lies at its vertex in "landmark_vertices".
+/// - "landmark_vertices", 68 rows of a vertex number. Together with positions, a point that lies
+///   exactly at its vertex stays on that vertex. Points of `anyface_opened_face_copy_landmarks()`
+///   need this where rims touch. Without these and "landmarks" the library finds the face.
+/// - "fixed_landmarks", rows of a landmark's number, 0 to 67, and x, y, z: it stays there, while the
+///   others adapt; it moves onto the surface.
+/// - "part_roles", rows of the number of a part, as in `anyface_face_copy_parts()`, and its
+///   `AnyfacePartRole`. The library recognises all other parts by their shape and place.
+/// - "object_of_vertex", `V` rows of a number: which object each vertex belongs to, for a mesh that
+///   was joined from several objects (a face, its teeth, its lashes); -1 for none.
+/// - "object_roles", a row for each object: the `AnyfacePartRole` of all its parts, or -1 if the
+///   library shall recognise them. "part_roles" take precedence.
+///
+/// The mesh may be freed afterwards. Free with `anyface_face_free()`.
 /// Fails with `ANYFACE_STATUS_FACE_NOT_FOUND`, `ANYFACE_STATUS_MESH` for a mesh that cannot be
-/// used, `ANYFACE_STATUS_INVALID_INPUT` for unusable landmarks or options,
+/// used, `ANYFACE_STATUS_INVALID_INPUT` for unusable landmarks or parts,
 /// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_new(
     engine: *const AnyfaceEngine,
     mesh: *const AnyfaceMesh,
-    options: *const AnyfaceFaceOptions,
+    request: *const AnyfaceRequest,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceFace,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
-        let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::prepare) }?;
+        let face = unsafe { of_mesh(engine, mesh, request, progress, Engine::prepare) }?;
         Ok(AnyfaceFace(face))
     };
     unsafe { guard::give(out, error, make) }
@@ -80,13 +99,13 @@ pub unsafe extern "C" fn anyface_face_new(
 pub unsafe extern "C" fn anyface_face_find(
     engine: *const AnyfaceEngine,
     mesh: *const AnyfaceMesh,
-    options: *const AnyfaceFaceOptions,
+    request: *const AnyfaceRequest,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceFace,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
-        let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::find) }?;
+        let face = unsafe { of_mesh(engine, mesh, request, progress, Engine::find) }?;
         Ok(AnyfaceFace(face))
     };
     unsafe { guard::give(out, error, make) }

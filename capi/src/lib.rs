@@ -12,7 +12,6 @@
 
 mod guard;
 mod pointer;
-mod versioned_options;
 
 mod audio;
 mod basis;
@@ -26,13 +25,14 @@ mod event_notes;
 mod events;
 mod expression;
 mod face;
-mod face_options;
+mod face_request;
 mod head;
 mod mesh;
 mod motion;
 mod motion_values;
 mod motion_weights;
 mod opened_face;
+mod options;
 mod progress;
 mod request;
 mod rig;

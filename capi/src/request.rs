@@ -1,11 +1,13 @@
-//! Requests: how a face and a performance shall be, by name.
+//! Requests: how an engine, a face and a performance shall be, by name.
 
 use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
-    MotionRequest,
+    EngineOptions, Error, MotionRequest,
     conditions::{ControlStage, Controls},
-    systems::{FieldValue, SYSTEMS, describe, set_field},
+    face::FaceOptions,
+    rig::ShapeSource,
+    systems::{FIELDS, FieldValue, NamedValue, SYSTEMS, describe, set_field},
 };
 use libc::c_char;
 use ndarray::ArrayView2;
@@ -13,16 +15,22 @@ use ndarray::ArrayView2;
 use crate::{
     audio::AnyfaceAudio,
     error::{AnyfaceError, Failure},
-    guard, pointer,
+    guard,
+    options::{self, OPTIONS, Options},
+    pointer,
     status::AnyfaceStatus,
 };
 
-/// How a face and a performance shall be. `anyface_describe()` lists the names of fields and
-/// controls that a system obeys; whatever is not set has its default. One request may serve any
-/// number of faces and performances: a face reads the controls of the stage `face`, a performance
-/// everything else. No other call may use it while it is changed.
-#[derive(Clone, Default)]
-pub struct AnyfaceRequest(MotionRequest);
+/// How an engine, a face and a performance shall be. `anyface_describe()` lists the names of fields
+/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()` and
+/// `anyface_rig_new()` say what else they read. Whatever is not set has its default. One request may
+/// serve any number of engines, faces and performances: each reads only what concerns it. No other
+/// call may use it while it is changed.
+#[derive(Default)]
+pub struct AnyfaceRequest {
+    performance: MotionRequest,
+    options: Options,
+}
 
 impl AnyfaceRequest {
     /// The request of a performance. NULL asks for nothing.
@@ -30,24 +38,47 @@ impl AnyfaceRequest {
     /// # Safety
     /// `request` is NULL or a request that is neither freed nor changed during the call.
     pub(crate) unsafe fn motion(request: *const AnyfaceRequest) -> MotionRequest {
-        let Some(AnyfaceRequest(whole)) = (unsafe { request.as_ref() }) else {
+        let Some(AnyfaceRequest { performance, .. }) = (unsafe { request.as_ref() }) else {
             return MotionRequest::default();
         };
         MotionRequest {
-            controls: of_stage(&whole.controls, ControlStage::Motion),
-            ..whole.clone()
+            controls: of_stage(&performance.controls, ControlStage::Motion),
+            ..performance.clone()
         }
     }
 
-    /// The controls of a face. NULL asks for nothing.
+    /// The options of an engine. NULL asks for nothing.
     ///
     /// # Safety
     /// As [`AnyfaceRequest::motion`].
-    pub(crate) unsafe fn face_controls(request: *const AnyfaceRequest) -> Controls {
-        match unsafe { request.as_ref() } {
-            Some(AnyfaceRequest(whole)) => of_stage(&whole.controls, ControlStage::Face),
-            None => Controls::default(),
-        }
+    pub(crate) unsafe fn engine(request: *const AnyfaceRequest) -> EngineOptions {
+        let request = unsafe { request.as_ref() };
+        request.map_or_else(EngineOptions::default, |request| {
+            request.options.engine.clone()
+        })
+    }
+
+    /// What is known about a face. NULL asks for nothing.
+    ///
+    /// # Safety
+    /// As [`AnyfaceRequest::motion`].
+    pub(crate) unsafe fn face(request: *const AnyfaceRequest) -> Result<FaceOptions, Failure> {
+        let Some(request) = (unsafe { request.as_ref() }) else {
+            return Ok(FaceOptions::default());
+        };
+        let controls = of_stage(&request.performance.controls, ControlStage::Face);
+        request.options.face.to_library(controls)
+    }
+
+    /// What makes the shapes of a rig. NULL asks for nothing.
+    ///
+    /// # Safety
+    /// As [`AnyfaceRequest::motion`].
+    pub(crate) unsafe fn shape_source(request: *const AnyfaceRequest) -> ShapeSource {
+        let request = unsafe { request.as_ref() };
+        request.map_or(ShapeSource::Network, |request| {
+            request.options.shape_source()
+        })
     }
 
     /// # Safety
@@ -61,10 +92,36 @@ impl AnyfaceRequest {
         let work = || {
             let request = unsafe { pointer::handle_mut("request", request) }?;
             let name = unsafe { pointer::text("name", name) }?;
-            Ok(set_field(&mut request.0, name, value()?)?)
+            Ok(request.set_value(NamedValue {
+                name,
+                value: value()?,
+            })?)
         };
         unsafe { guard::guard(error, work) }
     }
+
+    fn set_value(&mut self, named: NamedValue<'_>) -> anyface::Result<()> {
+        check_name(named.name)?;
+        match options::find(named.name) {
+            Some(option) => (option.set)(&mut self.options, &named),
+            None => set_field(&mut self.performance, named.name, named.value),
+        }
+    }
+}
+
+fn check_name(name: &str) -> anyface::Result<()> {
+    let fields = FIELDS.iter().map(|field| field.name);
+    let known: Vec<&str> = fields
+        .chain(OPTIONS.iter().map(|option| option.name))
+        .collect();
+    let mut controls = SYSTEMS.iter().flat_map(|system| system.controls());
+    if known.contains(&name) || controls.any(|control| control.name == name) {
+        return Ok(());
+    }
+    Err(Error::InvalidInput(format!(
+        "request: expected one of {} or a control of a system, got {name:?}",
+        known.join(", ")
+    )))
 }
 
 fn of_stage(controls: &Controls, stage: ControlStage) -> Controls {
@@ -80,7 +137,7 @@ static DESCRIPTIONS: LazyLock<Vec<(CString, CString)>> = LazyLock::new(|| {
     SYSTEMS.iter().map(description).collect()
 });
 
-/// The name by which `AnyfaceEngineOptions` selects a system: 0 is the default one. NULL after the
+/// The name by which "system" of a request selects a system: 0 is the default one. NULL after the
 /// last one. Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
@@ -124,8 +181,8 @@ pub unsafe extern "C" fn anyface_request_new(
 }
 
 /// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
-/// "off") and "events" (`anyface_events_json()`), the seed, and controls that are a choice. An empty
-/// text asks for nothing.
+/// "off") and "events" (`anyface_events_json()`), the seed, controls that are a choice, and what else
+/// is said to be a text, such as "system" of `anyface_engine_new()`. An empty text asks for nothing.
 ///
 /// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a
 /// field that takes something else, or for a text that it cannot read. The request is then as it was.
@@ -143,8 +200,9 @@ pub unsafe extern "C" fn anyface_request_set_text(
     }
 }
 
-/// Asks for a number: fields of the kind "number", and controls. For a control that is a choice, the
-/// number of the chosen name.
+/// Asks for a number: fields of the kind "number", controls, and what else is said to be a number,
+/// such as "threads" of `anyface_engine_new()`. For a control that is a choice, the number of the
+/// chosen name.
 ///
 /// Fails like `anyface_request_set_text()`. The range of a control is checked when it is used.
 #[unsafe(no_mangle)]
@@ -159,11 +217,11 @@ pub unsafe extern "C" fn anyface_request_set_number(
 
 /// Asks for rows of numbers: fields of the kinds "emotion" (`column_count` is
 /// `ANYFACE_EMOTION_COUNT`, strengths of 0 or more, each row with a sum of at most 1.5) and
-/// "intervals" (2 columns: start and end, seconds, no times), and controls that change over time (1
-/// column).
+/// "intervals" (2 columns: start and end, seconds, no times), controls that change over time (1
+/// column), and what else is said to be rows (no times), such as "landmarks" of `anyface_face_new()`.
 ///
 /// `times_s`: `[row_count]`, seconds, rising: values are linear between the rows, and constant before
-/// the first and after the last. NULL for intervals and for a single row of an emotion.
+/// the first and after the last. NULL for rows without times and for a single row of an emotion.
 /// `values`: `[row_count, column_count]`. Both are copied.
 /// Fails like `anyface_request_set_text()`.
 #[unsafe(no_mangle)]
@@ -276,7 +334,7 @@ mod tests {
         let mut request = with_number(c"learned", 0.5);
         let name = c"articulation".as_ptr();
         unsafe { anyface_request_set_number(&mut request, name, 1.3, null_mut()) };
-        let face = unsafe { AnyfaceRequest::face_controls(&request) };
+        let face = unsafe { AnyfaceRequest::face(&request) }.unwrap().controls;
         let motion = unsafe { AnyfaceRequest::motion(&request) }.controls;
         assert_eq!(
             (face.get("learned"), face.get("articulation")),
@@ -286,10 +344,8 @@ mod tests {
             (motion.get("learned"), motion.get("articulation")),
             (None, Some(1.3))
         );
-        assert_eq!(
-            unsafe { AnyfaceRequest::face_controls(null()) },
-            Controls::default()
-        );
+        let nothing = unsafe { AnyfaceRequest::face(null()) };
+        assert_eq!(nothing.unwrap(), FaceOptions::default());
     }
 
     #[test]

@@ -8,19 +8,12 @@ use anyface::{
     job::{InputKind, ProgressFn, read_file},
     mesh::{Landmarks, Mesh},
     output::{TakeShapes, write_avatar, write_rig},
-    rig::ShapeSource,
 };
 use libc::c_char;
 
 use crate::{
-    engine::AnyfaceEngine,
-    error::AnyfaceError,
-    face_options::{AnyfaceFaceOptions, of_mesh},
-    guard,
-    mesh::AnyfaceMesh,
-    pointer,
-    progress::AnyfaceProgress,
-    status::AnyfaceStatus,
+    engine::AnyfaceEngine, error::AnyfaceError, face_request::of_mesh, guard, mesh::AnyfaceMesh,
+    pointer, progress::AnyfaceProgress, request::AnyfaceRequest, status::AnyfaceStatus,
 };
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
@@ -62,56 +55,34 @@ impl AnyfaceRig {
     }
 }
 
-/// Makes the shapes of a mesh with the engine's network. The landmarks come from the options, or
-/// else they are found on the mesh. Long: accepts a progress handle.
+/// Makes the shapes of a mesh with the engine's network. Long: accepts a progress handle.
 ///
-/// `options` and `progress` may be NULL. The options' controls have no effect. The mesh may be
-/// freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()` does.
+/// `request` and `progress` may be NULL. Landmarks, axes and parts of the request are those of
+/// `anyface_face_new()`; its controls have no effect. Numbers of it that are 0, the default, or 1:
+/// - "by_field": the skin is moved by a field, that of the head in FaceTalk's model that is most
+///   like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut" stay as the network makes them.
+/// - "in_betweens", with "by_field": one more shape "NAME_half" for each of ARKit's shapes follows
+///   at the end: the face at weight 0.5, which need not lie halfway.
+///
+/// The mesh may be freed afterwards. Free with `anyface_rig_free()`. Fails as `anyface_face_new()`
+/// does, and with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_new(
     engine: *const AnyfaceEngine,
     mesh: *const AnyfaceMesh,
-    options: *const AnyfaceFaceOptions,
+    request: *const AnyfaceRequest,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceRig,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
+        let source = unsafe { AnyfaceRequest::shape_source(request) };
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
-            let rig = engine.rig(&face, ShapeSource::Network, watch)?;
+            let rig = engine.rig(&face, source, watch)?;
             Ok(AnyfaceRig::of(face, rig))
         };
-        unsafe { of_mesh(engine, mesh, options, progress, make) }
-    };
-    unsafe { guard::give(out, error, make) }
-}
-
-/// Makes the shapes of `anyface_rig_new()`, but with the skin moved by a field: that of the head in
-/// FaceTalk's model that is most like the mesh. Teeth, tongue, eyeballs and the shape "tongueOut"
-/// stay as `anyface_rig_new()` makes them. Long: accepts a progress handle.
-///
-/// `in_betweens`: if not 0, one more shape "NAME_half" for each of ARKit's shapes follows at the
-/// end: the face at weight 0.5, which need not lie halfway. All else is as for `anyface_rig_new()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no head of the model is like the face.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_rig_new_by_field(
-    engine: *const AnyfaceEngine,
-    mesh: *const AnyfaceMesh,
-    options: *const AnyfaceFaceOptions,
-    in_betweens: i32,
-    progress: *const AnyfaceProgress,
-    out: *mut *mut AnyfaceRig,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let make = || {
-        let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
-            let face = engine.find(mesh, options, watch)?;
-            let in_betweens = in_betweens != 0;
-            let rig = engine.rig(&face, ShapeSource::Field { in_betweens }, watch)?;
-            Ok(AnyfaceRig::of(face, rig))
-        };
-        unsafe { of_mesh(engine, mesh, options, progress, make) }
+        unsafe { of_mesh(engine, mesh, request, progress, make) }
     };
     unsafe { guard::give(out, error, make) }
 }

@@ -41,7 +41,7 @@ const LIBRARY: &[&str] = &[
     "audio",
     "sounds",
     "request",
-    "face_options",
+    "face_request",
     "face",
     "opened_face",
     "emotion",

@@ -23,7 +23,7 @@ NUMBERS = {
     "AnyfaceFramesFn": ctypes.c_void_p,
 }
 
-STRUCTS = ("EngineOptions", "FaceOptions", "Event")
+STRUCTS = ("Event",)
 
 
 def plain(header):

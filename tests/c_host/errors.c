@@ -150,34 +150,33 @@ static void files(const char *folder) {
 }
 
 static void options(const char *folder) {
-    AnyfaceEngineOptions engine_options;
-    CHECK(anyface_engine_options_init(NULL, sizeof engine_options) == ANYFACE_STATUS_NULL_POINTER);
-    CHECK(anyface_engine_options_init(&engine_options, 1) == ANYFACE_STATUS_INVALID_INPUT);
-    CHECK(anyface_engine_options_init(&engine_options, sizeof engine_options) == ANYFACE_STATUS_OK);
-    CHECK(engine_options.struct_size == sizeof engine_options && engine_options.threads == 0);
-
+    const AnyfaceStatus invalid = ANYFACE_STATUS_INVALID_INPUT;
+    AnyfaceRequest *request = NULL;
     AnyfaceEngine *engine = MARK(AnyfaceEngine);
-    engine_options.cache = 17;
-    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
-                "17");
-    engine_options.cache = ANYFACE_CACHE_FOLDER;
-    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_NULL_POINTER,
-                "cache_dir");
-    engine_options.cache = ANYFACE_CACHE_OFF;
-    engine_options.struct_size = 0;
-    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
-                "anyface_engine_options_init");
-    engine_options.struct_size = sizeof engine_options;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "cache", "off", &error));
+    CHECK_FAILS(anyface_request_set_number(request, "cache", 17.0, &error), invalid, "17");
+    CHECK_FAILS(anyface_request_set_number(request, "threads", 1.5, &error), invalid, "1.5");
+    CHECK_FAILS(anyface_request_set_number(request, "by_field", 2.0, &error), invalid, "0 or 1");
+    CHECK_FAILS(anyface_request_set_text(request, "forward", "z", &error), invalid, "+z");
+    const double rows[4] = {1.0, 7.0, -1.0, 0.5};
+    CHECK_FAILS(anyface_request_set_rows(request, "part_roles", NULL, rows, 1, 2, &error), invalid,
+                "got 7");
+    CHECK_FAILS(anyface_request_set_rows(request, "object_of_vertex", NULL, rows, 4, 1, &error),
+                invalid, "got 0.5");
+    CHECK_FAILS(anyface_request_set_rows(request, "landmarks", NULL, rows, 2, 2, &error), invalid,
+                "68 rows of 3");
+    CHECK_FAILS(anyface_request_set_rows(request, "fixed_landmarks", rows, rows, 1, 4, &error),
+                invalid, "with times");
     char path[4096];
     snprintf(path, sizeof path, "%s/no weights", folder);
-    engine_options.weights_dir = path;
-    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_WEIGHTS,
-                "no weights");
-    engine_options.weights_dir = NULL;
-    engine_options.system = "shouting";
-    CHECK_FAILS(anyface_engine_new(&engine_options, &engine, &error), ANYFACE_STATUS_INVALID_INPUT,
-                "shouting");
+    CHECK_OK(anyface_request_set_text(request, "weights_dir", path, &error));
+    CHECK_FAILS(anyface_engine_new(request, &engine, &error), ANYFACE_STATUS_WEIGHTS, "no weights");
+    CHECK_OK(anyface_request_set_text(request, "weights_dir", "", &error));
+    CHECK_OK(anyface_request_set_text(request, "system", "shouting", &error));
+    CHECK_FAILS(anyface_engine_new(request, &engine, &error), invalid, "shouting");
     CHECK(engine == MARK(AnyfaceEngine));
+    anyface_request_free(request);
 }
 
 static void systems_are_described(void) {
@@ -202,6 +201,7 @@ static void requests(void) {
     CHECK_FAILS(anyface_request_set_text(request, "emotion", "joyful:1", &error), invalid, "joyful");
     CHECK_FAILS(anyface_request_set_text(request, "fps", "24", &error), invalid, "a number");
     CHECK_FAILS(anyface_request_set_text(request, "nothing", "x", &error), invalid, "emotion_of");
+    CHECK_FAILS(anyface_request_set_text(request, "nothing", "x", &error), invalid, "landmarks");
     CHECK_FAILS(anyface_request_set_number(request, "fps", NAN, &error), invalid, "1 to 240");
     CHECK_FAILS(anyface_request_set_number(NULL, "fps", 24.0, &error), ANYFACE_STATUS_NULL_POINTER,
                 "request");

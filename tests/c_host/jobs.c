@@ -77,18 +77,16 @@ static void two_at_once(const AnyfaceEngine *engine, const AnyfaceFace *face,
     free(moved);
 }
 
-static void any_number_of_threads(const AnyfaceMesh *mesh, const AnyfaceFaceOptions *face_options,
+static void any_number_of_threads(const AnyfaceMesh *mesh, AnyfaceRequest *request,
                                   const AnyfaceAudio *audio) {
     Job jobs[2];
     for (uint32_t i = 0; i < 2; i++) {
-        AnyfaceEngineOptions options;
-        anyface_engine_options_init(&options, sizeof options);
-        options.cache = ANYFACE_CACHE_OFF;
-        options.threads = 1 + 2 * i;
+        CHECK_OK(anyface_request_set_text(request, "cache", "off", &error));
+        CHECK_OK(anyface_request_set_number(request, "threads", 1 + 2 * i, &error));
         AnyfaceEngine *engine = NULL;
         AnyfaceFace *face = NULL;
-        CHECK_OK(anyface_engine_new(&options, &engine, &error));
-        CHECK_OK(anyface_face_new(engine, mesh, face_options, NULL, &face, &error));
+        CHECK_OK(anyface_engine_new(request, &engine, &error));
+        CHECK_OK(anyface_face_new(engine, mesh, request, NULL, &face, &error));
         jobs[i] = (Job){.engine = engine, .face = face, .audio = audio, .happy = 0.5f};
         work(&jobs[i]);
         CHECK(jobs[i].status == ANYFACE_STATUS_OK);
@@ -249,12 +247,9 @@ static void parts(const AnyfaceFace *face) {
 static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, const AnyfaceFace *face) {
     enum { CHIN = 8, NEIGHBOUR = 7 };
     float free_ones[3 * ANYFACE_LANDMARK_COUNT], held[3 * ANYFACE_LANDMARK_COUNT];
-    float confidence[ANYFACE_LANDMARK_COUNT], place[3];
-    uint32_t number = CHIN;
-    AnyfaceFaceOptions options;
-    anyface_face_options_init(&options, sizeof options);
+    float confidence[ANYFACE_LANDMARK_COUNT];
     AnyfaceFace *found = NULL;
-    CHECK_OK(anyface_face_find(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_face_find(engine, mesh, NULL, NULL, &found, &error));
     CHECK_OK(anyface_face_copy_landmarks(found, free_ones, NULL, NULL, &error));
     CHECK(anyface_face_mouth(found) >= ANYFACE_MOUTH_OPEN);
     /* Its eyes are one with the skin about them. */
@@ -264,23 +259,30 @@ static void found_alone(const AnyfaceEngine *engine, const AnyfaceMesh *mesh, co
     CHECK(metres > 0.0 && fabs(metres / same - 1.0) < 0.1);
     anyface_face_free(found);
 
-    memcpy(place, free_ones + 3 * CHIN, sizeof place);
-    place[0] += 0.1f * (free_ones[3 * 45] - free_ones[3 * 36]);
-    options.landmark_positions = free_ones;
-    options.fixed_numbers = &number;
-    options.fixed_positions = place;
-    options.fixed_count = 1;
+    double places[3 * ANYFACE_LANDMARK_COUNT], chin[4] = {CHIN};
+    for (int i = 0; i < 3 * ANYFACE_LANDMARK_COUNT; i++) {
+        places[i] = (double)free_ones[i];
+    }
+    memcpy(chin + 1, places + 3 * CHIN, 3 * sizeof *chin);
+    chin[1] += 0.1 * (places[3 * 45] - places[3 * 36]);
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_rows(request, "landmarks", NULL, places, ANYFACE_LANDMARK_COUNT, 3,
+                                      &error));
+    CHECK_OK(anyface_request_set_rows(request, "fixed_landmarks", NULL, chin, 1, 4, &error));
     found = NULL;
-    CHECK_OK(anyface_face_find(engine, mesh, &options, NULL, &found, &error));
+    CHECK_OK(anyface_face_find(engine, mesh, request, NULL, &found, &error));
     CHECK_OK(anyface_face_copy_landmarks(found, held, NULL, confidence, &error));
     CHECK(held[3 * CHIN] > free_ones[3 * CHIN] && confidence[CHIN] == 1.0f);
     CHECK(held[3 * NEIGHBOUR] > free_ones[3 * NEIGHBOUR]);
     anyface_face_free(found);
 
-    number = ANYFACE_LANDMARK_COUNT;
+    chin[0] = ANYFACE_LANDMARK_COUNT;
+    CHECK_OK(anyface_request_set_rows(request, "fixed_landmarks", NULL, chin, 1, 4, &error));
     found = NULL;
-    CHECK_FAILS(anyface_face_find(engine, mesh, &options, NULL, &found, &error),
+    CHECK_FAILS(anyface_face_find(engine, mesh, request, NULL, &found, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "below 68");
+    anyface_request_free(request);
     CHECK(found == NULL && anyface_face_mouth(NULL) == -1);
     CHECK(anyface_face_part_count(NULL) == 0);
     anyface_face_free(NULL);
@@ -381,11 +383,12 @@ static void said(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
 
 /* Of a mask there is nothing in motion that was not spoken, or that another system spoke. */
 static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const AnyfaceAudio *audio) {
-    AnyfaceEngineOptions options;
-    anyface_engine_options_init(&options, sizeof options);
-    options.system = "emoface";
+    AnyfaceRequest *request = NULL;
     AnyfaceEngine *emotion = NULL;
-    CHECK_OK(anyface_engine_new(&options, &emotion, &error));
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "system", "emoface", &error));
+    CHECK_OK(anyface_engine_new(request, &emotion, &error));
+    anyface_request_free(request);
     size_t count = anyface_face_vertex_count(face);
     float *mask = malloc(count * sizeof *mask);
     CHECK(mask != NULL);
@@ -425,10 +428,10 @@ int main(int argc, char **argv) {
     CHECK_OK(anyface_engine_new(NULL, &engine, &error));
     CHECK_OK(anyface_mesh_read(argv[1], &mesh, &error));
     CHECK_OK(anyface_audio_read(argv[3], &audio, &error));
-    AnyfaceFaceOptions options;
-    anyface_face_options_init(&options, sizeof options);
-    options.landmark_json = read_text(argv[2]);
-    CHECK_OK(anyface_face_new(engine, mesh, &options, NULL, &face, &error));
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "landmarks", read_text(argv[2]), &error));
+    CHECK_OK(anyface_face_new(engine, mesh, request, NULL, &face, &error));
 
     landmarks(face);
     parts(face);
@@ -440,9 +443,10 @@ int main(int argc, char **argv) {
     said(engine, audio);
     masks(engine, face, audio);
     two_at_once(engine, face, audio);
-    any_number_of_threads(mesh, &options, audio);
+    any_number_of_threads(mesh, request, audio);
     cancelling(engine, face, audio);
 
+    anyface_request_free(request);
     anyface_face_free(face);
     anyface_audio_free(audio);
     anyface_mesh_free(mesh);

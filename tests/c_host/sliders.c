@@ -99,13 +99,14 @@ int main(int argc, char **argv) {
     AnyfaceAudio *audio = NULL;
     AnyfaceFace *face = NULL;
     AnyfaceSliders *sliders = NULL;
-    AnyfaceFaceOptions options;
-    anyface_face_options_init(&options, sizeof options);
-    options.landmark_json = read_text(argv[2]);
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "landmarks", read_text(argv[2]), &error));
     CHECK_OK(anyface_engine_new(NULL, &engine, &error));
     CHECK_OK(anyface_mesh_read(argv[1], &mesh, &error));
     CHECK_OK(anyface_audio_read(argv[3], &audio, &error));
-    CHECK_OK(anyface_face_new(engine, mesh, &options, NULL, &face, &error));
+    CHECK_OK(anyface_face_new(engine, mesh, request, NULL, &face, &error));
+    anyface_request_free(request);
 
     Take take = happy(engine, face, audio);
     size_t count = anyface_clip_frame_count(take.clip) * anyface_basis_shape_count(take.basis);

@@ -16,16 +16,17 @@ typedef struct {
 static void *talk(void *argument) {
     const Files *files = argument;
     AnyfaceError *error = NULL;
-    AnyfaceEngineOptions options;
-    anyface_engine_options_init(&options, sizeof options);
-    options.system = files->system;
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "system", files->system, &error));
     AnyfaceEngine *engine = NULL;
     AnyfaceMesh *mesh = NULL;
     AnyfaceAudio *audio = NULL;
     AnyfaceFace *face = NULL;
     AnyfaceClip *clip = NULL;
     AnyfaceSounds *sounds = NULL;
-    CHECK_OK(anyface_engine_new(&options, &engine, &error));
+    CHECK_OK(anyface_engine_new(request, &engine, &error));
+    anyface_request_free(request);
     CHECK_OK(anyface_mesh_read(files->mesh, &mesh, &error));
     CHECK_OK(anyface_audio_read(files->voice, &audio, &error));
     CHECK_OK(anyface_face_new(engine, mesh, NULL, NULL, &face, &error));

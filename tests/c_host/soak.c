@@ -92,14 +92,15 @@ static size_t some(const void *const *pool) {
 }
 
 static void remake_engine(void) {
-    AnyfaceEngineOptions options;
-    CHECK(anyface_engine_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
+    AnyfaceRequest *request = NULL;
     const char *system = anyface_system_name(draw(5));
-    options.system = system != NULL ? system : "nobody";
-    options.threads = (uint32_t)draw(4);
-    options.cache = ANYFACE_CACHE_OFF;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "system", system != NULL ? system : "nobody", &error));
+    CHECK_OK(anyface_request_set_number(request, "threads", (double)draw(4), &error));
+    CHECK_OK(anyface_request_set_text(request, "cache", "off", &error));
     size_t at = draw(SLOTS);
-    REMAKE(engines[at], anyface_engine_free, anyface_engine_new(&options, &engines[at], &error));
+    REMAKE(engines[at], anyface_engine_free, anyface_engine_new(request, &engines[at], &error));
+    anyface_request_free(request);
 }
 
 static void remake_mesh(void) {
@@ -147,19 +148,6 @@ static int stop_at(void *user, const char *stage, float fraction) {
     return --*left == 0;
 }
 
-static void remake_face(void) {
-    AnyfaceFaceOptions options;
-    CHECK(anyface_face_options_init(&options, sizeof options) == ANYFACE_STATUS_OK);
-    options.landmark_json = one_in(8) ? "[[1, 2, 3]]" : landmarks;
-    options.request = one_in(2) ? ANY(requests) : NULL;
-    int left = (int)draw(12);
-    AnyfaceProgress *progress = one_in(3) ? anyface_progress_new(stop_at, &left) : NULL;
-    size_t at = draw(SLOTS);
-    REMAKE(faces[at], anyface_face_free,
-           anyface_face_new(ANY(engines), ANY(meshes), &options, progress, &faces[at], &error));
-    anyface_progress_free(progress);
-}
-
 static void remake_events(void) {
     static const char *const texts[] = {"0.1-0.4:smile:0.8", "0.2-0.3:12,6L", "nan-1:smile", "", "x",
                                         "0.1-0.2:blink:9"};
@@ -171,6 +159,7 @@ static void remake_events(void) {
 /* Asks for one thing more, of which much is refused. */
 static void ask(AnyfaceRequest *request) {
     static const char *const names[] = {"articulation", "head_motion", "learned", "none", "steps",
+                                        "up", "landmarks", "fixed_landmarks", "object_roles",
                                         "fps", "seed", "emotion", "emotion_of", "neutral_voice",
                                         "closures", "events", "starts_from", "style", "text"};
     static const char *const texts[] = {"happy:0.7", "auto", "off", "", "a b c", "paper", "7"};
@@ -201,6 +190,22 @@ static void ask(AnyfaceRequest *request) {
     }
     }
     outcome(status, status == ANYFACE_STATUS_OK);
+}
+
+static void remake_face(void) {
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    if (one_in(2)) {
+        ask(request);
+    }
+    CHECK_OK(anyface_request_set_text(request, "landmarks", landmarks, &error));
+    int left = (int)draw(12);
+    AnyfaceProgress *progress = one_in(3) ? anyface_progress_new(stop_at, &left) : NULL;
+    size_t at = draw(SLOTS);
+    REMAKE(faces[at], anyface_face_free,
+           anyface_face_new(ANY(engines), ANY(meshes), request, progress, &faces[at], &error));
+    anyface_progress_free(progress);
+    anyface_request_free(request);
 }
 
 static void remake_request(void) {

@@ -96,9 +96,11 @@ pub enum FieldValue<'a> {
 }
 
 /// A value, and the name of its field or control.
-struct NamedValue<'a> {
-    name: &'a str,
-    value: FieldValue<'a>,
+pub struct NamedValue<'a> {
+    /// The name.
+    pub name: &'a str,
+    /// The value.
+    pub value: FieldValue<'a>,
 }
 
 /// All fields, in the order in which a panel shows them.
@@ -317,7 +319,11 @@ impl FieldKind {
 }
 
 impl NamedValue<'_> {
-    fn refuse<T>(&self, expected: impl Display) -> Result<T> {
+    /// The error of a value that is not what its name takes.
+    ///
+    /// # Errors
+    /// Always `InvalidInput`, with what was expected and what arrived.
+    pub fn refuse<T>(&self, expected: impl Display) -> Result<T> {
         let got = match &self.value {
             FieldValue::Number(x) => format!("{x}"),
             FieldValue::Text(text) => format!("{text:?}"),
@@ -332,7 +338,11 @@ impl NamedValue<'_> {
         )))
     }
 
-    fn number(&self) -> Result<f64> {
+    /// The value as a number.
+    ///
+    /// # Errors
+    /// `InvalidInput` for anything else.
+    pub fn number(&self) -> Result<f64> {
         match self.value {
             FieldValue::Number(x) => Ok(x),
             FieldValue::Text(text) => text.parse().or_else(|_| self.refuse("a number")),
@@ -353,7 +363,11 @@ impl NamedValue<'_> {
         }
     }
 
-    fn text(&self) -> Result<Option<&str>> {
+    /// The value as a text; `None` for an empty one.
+    ///
+    /// # Errors
+    /// `InvalidInput` for anything else.
+    pub fn text(&self) -> Result<Option<&str>> {
         match self.value {
             FieldValue::Text(text) => Ok(Some(text).filter(|text| !text.is_empty())),
             _ => self.refuse("a text"),
