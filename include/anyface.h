@@ -50,7 +50,8 @@
  * Every object from a function with `out` belongs to the caller, who frees it with the function
  * of its type (anyface_mesh_free() and so on), in any order: no object keeps a pointer to another.
  * What the library receives is copied: the caller's arrays and texts may go right after the call.
- * What it lends says how long it lives. Never free() anything that came from here.
+ * A text that it writes to a `char **` belongs to the caller too: anyface_text_free(). What it lends
+ * says how long it lives. Never free() anything that came from here.
  *
  * Requests
  * --------
@@ -233,18 +234,6 @@ typedef struct AnyfaceEngine AnyfaceEngine;
 /// Why a call failed: a status and a message in English. Owned by the caller.
 typedef struct AnyfaceError AnyfaceError;
 
-/// Sentences about a motion and its events on a face, in English. They never change once they are
-/// made: any number of threads may read them at the same time.
-typedef struct AnyfaceEventNotes AnyfaceEventNotes;
-
-/// Events of a performance. They never change once they are made: any number of threads may use
-/// them at the same time.
-typedef struct AnyfaceEvents AnyfaceEvents;
-
-/// The action units of an expression. It never changes once it is made: any number of threads may
-/// read it at the same time.
-typedef struct AnyfaceExpression AnyfaceExpression;
-
 /// Everything known about one mesh: its landmarks, how its lips meet, what its parts are, and the
 /// data needed to move it. It never changes once it is made: any number of threads may use it at
 /// the same time.
@@ -328,24 +317,6 @@ typedef struct AnyfaceWeights AnyfaceWeights;
 /// job, and from call to call. Calls for one handle never overlap. It must not throw or longjmp,
 /// and must not start a job with the same handle.
 typedef int (*AnyfaceProgressFn)(void *user, const char *stage, float fraction);
-
-/// What a face does for a while; for `anyface_events_new()`.
-typedef struct {
-    /// First second, 0 or more.
-    double start_s;
-    /// Last second, above the first.
-    double end_s;
-    /// `[unit_count]`, UTF-8: action units such as "12" or "AU1". A final L or R restricts a unit
-    /// to the subject's left or right side: "45L".
-    const char *const *units;
-    /// Number of units, 1 or more.
-    size_t unit_count;
-    /// 0 to 2; 1 is the strength that the model itself gives. It has no default, so set it.
-    float strength;
-    /// 1 if the event overrides the speech, so that lips may stay apart that the speech would
-    /// close; otherwise 0.
-    int32_t over_speech;
-} AnyfaceEvent;
 
 /// Receives frames in order. A result other than 0 ends the job with `ANYFACE_STATUS_CANCELLED`.
 ///
@@ -713,7 +684,7 @@ const char *anyface_describe(const char *system);
 AnyfaceStatus anyface_request_new(AnyfaceRequest **out, AnyfaceError **error);
 
 /// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
-/// "off") and "events" (`anyface_events_json()`), the seed, controls that are a choice, and what else
+/// "off") and "events" (`anyface_events_read()`), the seed, controls that are a choice, and what else
 /// is said to be a text, such as "system" of `anyface_engine_new()`. An empty text asks for nothing.
 ///
 /// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a
@@ -962,6 +933,9 @@ void anyface_opened_face_free(AnyfaceOpenedFace *opened);
 /// whose sum is above 1.5.
 AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
+/// Frees a text that a function wrote to a `char **`; nothing happens for NULL.
+void anyface_text_free(char *text);
+
 /// Reads an expression: units such as "12,6L", one of the `words` of `anyface_describe()` with a side
 /// anywhere in it, such as "left wink", or English words, such as "winks with the right eye". It
 /// may end in a strength, ":0.5". A "!" lets it override the speech.
@@ -969,82 +943,34 @@ AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceE
 /// `weights_dir`: UTF-8, a folder of models that holds `text_units`, which may use CLIP, or NULL
 /// for the built-in reader. The library keeps the reader of the last call. It loads the model at
 /// the first text that is neither a unit nor a word of the list.
-/// `text`: UTF-8. A text that describes no expression gives no units, and
-/// `anyface_expression_hint()` says why. Free with `anyface_expression_free()`.
+/// `text`: UTF-8. `json` receives an object: `said`, the text without strength and "!"; `units`, such
+/// as "45L"; `strength`, 0 to 2, 1 for a plain word; `over_speech`; and `hint`, "" or, if the text
+/// describes no expression and there are no units, a sentence that says why and suggests the nearest
+/// one. Free it with `anyface_text_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a text of more than 1,000 letters, and with
 /// `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
-AnyfaceStatus anyface_expression_new(const char *weights_dir,
-                                     const char *text,
-                                     AnyfaceExpression **out,
-                                     AnyfaceError **error);
+AnyfaceStatus anyface_expression_read(const char *weights_dir,
+                                      const char *text,
+                                      char **json,
+                                      AnyfaceError **error);
 
-/// Number of units; 0 for NULL.
-size_t anyface_expression_unit_count(const AnyfaceExpression *expression);
-
-/// A unit in the form that `AnyfaceEvent` takes: "12", "45L". NULL if `index` is not below the
-/// count, and for NULL. Lives as long as the expression.
-const char *anyface_expression_unit(const AnyfaceExpression *expression, size_t index);
-
-/// How strong the expression is according to the text, 0 to 2; 1 for a plain word. 0 if there are
-/// no units, and for NULL.
-float anyface_expression_strength(const AnyfaceExpression *expression);
-
-/// 1 if a "!" lets the expression override the speech, otherwise 0.
-int32_t anyface_expression_over_speech(const AnyfaceExpression *expression);
-
-/// The text without strength and "!". NULL for NULL. Lives as long as the expression.
-const char *anyface_expression_said(const AnyfaceExpression *expression);
-
-/// A sentence in English that says why there are no units. It suggests the nearest expression that
-/// would be understood, if one is near. NULL if there are units, and for NULL. Lives as long as the
-/// expression.
-const char *anyface_expression_hint(const AnyfaceExpression *expression);
-
-/// Frees an expression that no running call uses; nothing happens for NULL.
-void anyface_expression_free(AnyfaceExpression *expression);
-
-/// Makes events from arrays, which are copied; `anyface_events_json()` puts them into a request.
+/// Reads events, what a face does for a while, and writes them with all fields. The field "events"
+/// of a request takes the same texts; it reads words with the built-in reader.
 ///
-/// `events`: `[event_count]`, in any order; they may overlap. Free with `anyface_events_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit or a
-/// strength out of range; the message names the event, counted from 1.
-AnyfaceStatus anyface_events_new(const AnyfaceEvent *events,
-                                 size_t event_count,
-                                 AnyfaceEvents **out,
-                                 AnyfaceError **error);
-
-/// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s":
-/// 2.0, "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two may be left
-/// out. `units` may also be one expression, such as "left wink".
-///
-/// `weights_dir`: as in `anyface_expression_new()`. `json`: UTF-8. Free with
-/// `anyface_events_free()`. Fails like `anyface_events_from_text()`.
-AnyfaceStatus anyface_events_parse(const char *weights_dir,
-                                   const char *json,
-                                   AnyfaceEvents **out,
-                                   AnyfaceError **error);
-
-/// Reads events from lines of text, as the command-line program does. A line holds seconds, units
-/// or words, and a strength: "1.2-2.0:smile:0.8" or "2.4-2.8:45L". The text after the seconds is
-/// read like that of `anyface_expression_new()`. Empty lines are skipped.
-///
-/// `weights_dir`: as in `anyface_expression_new()`. `text`: UTF-8. Free with
-/// `anyface_events_free()`. Fails like `anyface_events_new()`, and for words that describe no
-/// expression; the message then suggests the nearest one that does.
-AnyfaceStatus anyface_events_from_text(const char *weights_dir,
-                                       const char *text,
-                                       AnyfaceEvents **out,
-                                       AnyfaceError **error);
-
-/// The events as JSON that `anyface_events_parse()` can read: a list of rows, each with all fields
-/// and its units as a list. NULL for NULL. Lives as long as the events.
-const char *anyface_events_json(const AnyfaceEvents *events);
-
-/// Number of events; 0 for NULL.
-size_t anyface_events_count(const AnyfaceEvents *events);
-
-/// Frees events that no running call uses; nothing happens for NULL.
-void anyface_events_free(AnyfaceEvents *events);
+/// `text`: UTF-8, lines or JSON. A line holds seconds, an expression as `anyface_expression_read()`
+/// takes it, and a strength: "1.2-2.0:smile:0.8" or "2.4-2.8:45L". JSON is a list, or an object with a
+/// list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units": ["12", "45L"], "strength": 0.8,
+/// "over_speech": false}`. The last two may be left out. `units` may also be one expression, such
+/// as "left wink". A final L or R restricts a unit to the subject's left or right side; a strength is
+/// 0 to 2, 1 as strong as the model itself; events may overlap.
+/// `weights_dir`: as in `anyface_expression_read()`. `json` receives a list with the units as lists;
+/// free it with `anyface_text_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for times that do not rise, an unknown unit, a strength
+/// out of range, and words that describe no expression; the message names the event, counted from 1.
+AnyfaceStatus anyface_events_read(const char *weights_dir,
+                                  const char *text,
+                                  char **json,
+                                  AnyfaceError **error);
 
 /// Turns speech into motion. Long: accepts a progress handle.
 ///
@@ -1428,26 +1354,16 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
 /// - a face that no head of the system's own model resembles, so that landmarks alone moved it.
 ///   This is known only once a clip of this face was made.
 ///
-/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. Free with
-/// `anyface_event_notes_free()`.
+/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. `json` receives a list of sentences
+/// in English; free it with `anyface_text_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not made from speech,
 /// `ANYFACE_STATUS_CANCELLED`.
-AnyfaceStatus anyface_event_notes_new(const AnyfaceEngine *engine,
-                                      const AnyfaceFace *face,
-                                      const AnyfaceMotion *motion,
-                                      const AnyfaceProgress *progress,
-                                      AnyfaceEventNotes **out,
-                                      AnyfaceError **error);
-
-/// Number of sentences; 0 for NULL.
-size_t anyface_event_notes_count(const AnyfaceEventNotes *notes);
-
-/// A sentence, UTF-8. NULL if `index` is not below the count, and for NULL. Lives as long as the
-/// notes.
-const char *anyface_event_notes_text(const AnyfaceEventNotes *notes, size_t index);
-
-/// Frees notes that no running call uses; nothing happens for NULL.
-void anyface_event_notes_free(AnyfaceEventNotes *notes);
+AnyfaceStatus anyface_motion_notes(const AnyfaceEngine *engine,
+                                   const AnyfaceFace *face,
+                                   const AnyfaceMotion *motion,
+                                   const AnyfaceProgress *progress,
+                                   char **json,
+                                   AnyfaceError **error);
 
 /// Finds the fewest shapes that keep every vertex in every frame within `max_error` of its place.
 /// Accepts a progress handle.

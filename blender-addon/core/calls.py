@@ -1,7 +1,8 @@
 """Calls the native library, frees its handles and turns its failures into errors."""
 
+import json
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_float, c_void_p
+from ctypes import POINTER, byref, c_float, c_void_p, string_at
 
 import numpy as np
 
@@ -24,6 +25,12 @@ class Calls:
         status = getattr(self._library, function)(*arguments, byref(out), byref(error))
         self._check(status, error)
         return out
+
+    def _read(self, function: str, *arguments):
+        """What a function of the library writes as JSON."""
+        with ExitStack() as handles:
+            text = self._own(handles, "text", function, *arguments)
+            return json.loads(string_at(text))
 
     def _copy(self, function: str, handle, array: np.ndarray) -> None:
         self._call(function, handle, array.ctypes.data_as(POINTER(c_float)), array.size)

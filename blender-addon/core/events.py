@@ -4,10 +4,8 @@ An event is made of action units of the Facial Action Coding System. The library
 an artist and event files; this module only calls it.
 """
 
-import json
 import os
 import re
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -70,31 +68,15 @@ class Reader(Calls):
 
         Raises `AnyfaceError` if the model of texts cannot be used.
         """
-        with ExitStack() as handles:
-            arguments = self._models, text.encode()
-            read = self._own(handles, "expression", "anyface_expression_new", *arguments)
-            count = self._library.anyface_expression_unit_count(read)
-            units = (self._library.anyface_expression_unit(read, at) for at in range(count))
-            return Expression(
-                self._library.anyface_expression_said(read).decode(),
-                tuple(unit.decode() for unit in units),
-                self._library.anyface_expression_strength(read),
-                self._library.anyface_expression_over_speech(read) == 1,
-                (self._library.anyface_expression_hint(read) or b"").decode(),
-            )
+        read = self._read("anyface_expression_read", self._models, text.encode())
+        return Expression(units=tuple(read.pop("units")), **read)
 
-    def events_of_json(self, text: str) -> list[Event]:
-        """Reads events from the text of a JSON file. Raises `AnyfaceError`, which names the row."""
-        return self._events("anyface_events_parse", text)
+    def events(self, text: str) -> list[Event]:
+        """Reads events from JSON, or from lines such as `1.2-2.0:smile:0.8`.
 
-    def events_of_lines(self, text: str) -> list[Event]:
-        """Reads events from lines such as `1.2-2.0:smile:0.8`. `AnyfaceError` names the line."""
-        return self._events("anyface_events_from_text", text)
-
-    def _events(self, function: str, text: str) -> list[Event]:
-        with ExitStack() as handles:
-            read = self._own(handles, "events", function, self._models, text.encode())
-            rows = json.loads(self._library.anyface_events_json(read))
+        Raises `AnyfaceError`, which names the event.
+        """
+        rows = self._read("anyface_events_read", self._models, text.encode())
         written = [tuple(row.pop("units")) for row in rows]
         pairs = zip(rows, written, strict=True)
         return [Event(units=units, name=",".join(units), **row) for row, units in pairs]
@@ -128,7 +110,7 @@ def of_file(path: str, models: Path | None = None) -> list[Event]:
     Raises `AnyfaceError`, "file", or "input" that names the row.
     """
     try:
-        return Reader(models).events_of_json(json_file.read_text(path))
+        return Reader(models).events(json_file.read_text(path))
     except AnyfaceError as error:
         if error.kind != "input":
             raise

@@ -1,4 +1,4 @@
-"""The C interface of the native library: its structs, how to load it.
+"""Where the native library is, and how to load it.
 
 ctypes releases Python's lock during a call, so Blender's interface keeps running while a thread
 waits here.
@@ -8,33 +8,11 @@ import ctypes
 import os
 import sys
 from collections.abc import Callable
-from ctypes import (
-    POINTER,
-    Structure,
-    c_char_p,
-    c_double,
-    c_float,
-    c_int32,
-    c_size_t,
-)
 from itertools import count, takewhile
 from pathlib import Path
 
 from .errors import AnyfaceError
 from .signatures import ABI_VERSION, SIGNATURES
-
-
-class Event(Structure):
-    """`AnyfaceEvent`."""
-
-    _fields_ = [
-        ("start_s", c_double),
-        ("end_s", c_double),
-        ("units", POINTER(c_char_p)),
-        ("unit_count", c_size_t),
-        ("strength", c_float),
-        ("over_speech", c_int32),
-    ]
 
 
 def library_path() -> Path:

@@ -216,7 +216,7 @@ class Engine(
         animation.heard_emotion = HeardEmotion.of_json(
             self._library.anyface_motion_heard_emotion(results[1])
         )
-        animation.notes = self._unseen(handles, face, results[1], request.events, watch)
+        animation.notes = self._unseen(face, results[1], request.events, watch)
         if request.keeps_clip:
             animation.clip = clip
             return animation

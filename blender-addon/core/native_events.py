@@ -1,15 +1,15 @@
 """Library calls about events, and about motion in the form of shape weights."""
 
+import json
 import os
 import re
 from contextlib import ExitStack
 from ctypes import POINTER, c_char_p, c_float
+from dataclasses import asdict
 
 import numpy as np
 
-from .events import Event as Asked
-from .events import shortened
-from .library import Event
+from .events import Event, shortened
 from .take import ShapeWeights
 
 _FLOATS = POINTER(c_float)
@@ -18,25 +18,16 @@ _FLOATS = POINTER(c_float)
 class EventCalls:
     """The calls of `native.Engine` for events, and for weights that the system makes itself."""
 
-    def _events_json(self, events: list[Asked]) -> str:
-        """The events as the library writes them; raises `AnyfaceError` for wrong ones."""
-        rows = (Event * len(events))()
-        for row, event in zip(rows, events, strict=True):
-            units = (c_char_p * len(event.units))(*(unit.encode() for unit in event.units))
-            row.start_s, row.end_s = event.start_s, event.end_s
-            row.units, row.unit_count = units, len(event.units)
-            row.strength, row.over_speech = event.strength, event.over_speech
-        with ExitStack() as handles:
-            made = self._own(handles, "events", "anyface_events_new", rows, len(events))
-            return self._library.anyface_events_json(made).decode()
+    def _events_json(self, events: list[Event]) -> str:
+        """The events as the library takes them."""
+        rows = [asdict(event) for event in events]
+        for row in rows:
+            del row["name"]
+        return json.dumps(rows)
 
-    def _unseen(self, handles: ExitStack, face, motion, events: list[Asked], watch) -> list[str]:
+    def _unseen(self, face, motion, events: list[Event], watch) -> list[str]:
         """Sentences that say what this face cannot show of a motion and its named events."""
-        arguments = self._handle, face, motion, watch.handle
-        notes = self._own(handles, "event_notes", "anyface_event_notes_new", *arguments)
-        text = self._library.anyface_event_notes_text
-        count = self._library.anyface_event_notes_count(notes)
-        said = [text(notes, number).decode() for number in range(count)]
+        said = self._read("anyface_motion_notes", self._handle, face, motion, watch.handle)
         return shortened(list(dict.fromkeys(_named(note, events) for note in said)))
 
     def _shape_weights(self, motion) -> ShapeWeights | None:
@@ -63,7 +54,7 @@ class EventCalls:
             self._call("anyface_weights_write", weights_handle, os.fsencode(path), fps)
 
 
-def _named(note: str, events: list[Asked]) -> str:
+def _named(note: str, events: list[Event]) -> str:
     """Puts the event's name for its number, counted from 1, into a sentence of the library."""
     match = re.match(r"event (\d+) \(.*?\)", note)
     name = events[int(match[1]) - 1].name if match else ""

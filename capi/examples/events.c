@@ -17,39 +17,22 @@
 typedef struct {
     AnyfaceEngine *engine;
     AnyfaceAudio *audio;
-    AnyfaceEvents *events;
+    char *events;
     AnyfaceMotion *motion;
 } Run;
 
 static void run_free(Run *run) {
     anyface_motion_free(run->motion);
-    anyface_events_free(run->events);
+    anyface_text_free(run->events);
     anyface_audio_free(run->audio);
     anyface_engine_free(run->engine);
-}
-
-/* From JSON, from lines of words, or a smile and a wink. */
-static AnyfaceStatus make_events(Run *run, const char *text, AnyfaceError **error) {
-    if (text != NULL && (text[0] == '[' || text[0] == '{')) {
-        return anyface_events_parse(NULL, text, &run->events, error);
-    }
-    if (text != NULL) {
-        return anyface_events_from_text(NULL, text, &run->events, error);
-    }
-    const char *smile[] = {"6", "12"}, *wink[] = {"45L"};
-    AnyfaceEvent events[] = {
-        {.start_s = 0.1, .end_s = 0.5, .units = smile, .unit_count = 2, .strength = 0.5f},
-        {.start_s = 0.2, .end_s = 0.4, .units = wink, .unit_count = 1, .strength = 1.0f},
-    };
-    return anyface_events_new(events, 2, &run->events, error);
 }
 
 static AnyfaceStatus perform(Run *run, const char *voice, AnyfaceError **error) {
     AnyfaceRequest *request = NULL;
     AnyfaceStatus status = anyface_request_new(&request, error);
     if (status == ANYFACE_STATUS_OK) {
-        const char *events = anyface_events_json(run->events);
-        status = anyface_request_set_text(request, "events", events, error);
+        status = anyface_request_set_text(request, "events", run->events, error);
     }
     if (status == ANYFACE_STATUS_OK) { /* the one that shows events */
         status = anyface_request_set_text(request, "system", "cafe-talk", error);
@@ -69,9 +52,8 @@ static AnyfaceStatus perform(Run *run, const char *voice, AnyfaceError **error) 
 
 /* The weights as the system made them: nothing is solved on a mesh. */
 static AnyfaceStatus save(const Run *run, const char *out, AnyfaceError **error) {
-    printf("frames %zu fps %g shapes %zu events %zu\n", anyface_motion_frame_count(run->motion),
-           anyface_motion_fps(run->motion), anyface_motion_weight_count(run->motion),
-           anyface_events_count(run->events));
+    printf("frames %zu fps %g shapes %zu events %s\n", anyface_motion_frame_count(run->motion),
+           anyface_motion_fps(run->motion), anyface_motion_weight_count(run->motion), run->events);
     return anyface_motion_write(run->motion, out, error);
 }
 
@@ -82,7 +64,9 @@ int main(int argc, char **argv) {
     }
     Run run = {0};
     AnyfaceError *error = NULL;
-    AnyfaceStatus status = make_events(&run, argc > 3 ? argv[3] : NULL, &error);
+    /* Lines or JSON; here read once alone, to show what the words mean. */
+    const char *events = argc > 3 ? argv[3] : "0.1-0.5:6,12:0.5\n0.2-0.4:45L";
+    AnyfaceStatus status = anyface_events_read(NULL, events, &run.events, &error);
     if (status == ANYFACE_STATUS_OK) {
         status = perform(&run, argv[1], &error);
     }

@@ -7,6 +7,8 @@ use std::{
     sync::Once,
 };
 
+use libc::c_char;
+
 use crate::{
     error::{AnyfaceError, Failure},
     pointer,
@@ -53,6 +55,24 @@ pub(crate) unsafe fn give<T>(
         pointer::check_out("out", out)?;
         let object = Box::new(make()?);
         unsafe { out.write(Box::into_raw(object)) };
+        Ok(())
+    };
+    unsafe { guard(error, work) }
+}
+
+/// Runs a call that makes a text, which the caller frees with `anyface_text_free()`.
+///
+/// # Safety
+/// As [`give`].
+pub(crate) unsafe fn give_text(
+    out: *mut *mut c_char,
+    error: *mut *mut AnyfaceError,
+    make: impl FnOnce() -> Result<String, Failure>,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("json", out)?;
+        let text = pointer::c_text(&make()?);
+        unsafe { out.write(text.into_raw()) };
         Ok(())
     };
     unsafe { guard(error, work) }

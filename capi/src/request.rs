@@ -181,7 +181,7 @@ pub unsafe extern "C" fn anyface_request_new(
 }
 
 /// Asks for a text: fields of the kinds "text", "emotion" ("happy:0.7", "auto", "auto-arousal",
-/// "off") and "events" (`anyface_events_json()`), the seed, controls that are a choice, and what else
+/// "off") and "events" (`anyface_events_read()`), the seed, controls that are a choice, and what else
 /// is said to be a text, such as "system" of `anyface_engine_new()`. An empty text asks for nothing.
 ///
 /// `name` and `text`: UTF-8. Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, for a

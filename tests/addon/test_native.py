@@ -23,8 +23,6 @@ NUMBERS = {
     "AnyfaceFramesFn": ctypes.c_void_p,
 }
 
-STRUCTS = ("Event",)
-
 
 def plain(header):
     """The header without comments."""
@@ -37,6 +35,8 @@ def as_ctypes(declaration):
     name = re.sub(r"\b(const|struct|enum)\b|\*", "", declaration).strip()
     if stars == 0:
         return None if name == "void" else NUMBERS[name]
+    if name == "char" and "const" not in declaration:
+        return ctypes.POINTER(ctypes.c_void_p)
     if name == "char":
         return [ctypes.c_char_p, ctypes.POINTER(ctypes.c_char_p)][stars - 1]
     if stars == 2:
@@ -63,16 +63,6 @@ def test_signatures_are_those_of_the_header(addon):
     known = dict(functions())
     assert len(known) > 40
     assert known == addon("core.signatures").SIGNATURES
-
-
-@pytest.mark.parametrize("name", STRUCTS)
-def test_structs_are_those_of_the_header(addon, name):
-    library = addon("core.library")
-    body = re.search(r"struct \{([^}]*)\} Anyface" + name + ";", plain(HEADER))
-    lines = [line for line in body.group(1).split(";") if line.strip()]
-    fields = [split(line) for line in lines]
-    expected = [(field, as_ctypes(kind)) for kind, field in fields]
-    assert getattr(library, name)._fields_ == expected
 
 
 def test_the_interface_version_is_that_of_the_header(addon):

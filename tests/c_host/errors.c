@@ -323,41 +323,36 @@ static void spoken_sounds(void) {
 static void events(void) {
     const AnyfaceStatus null_pointer = ANYFACE_STATUS_NULL_POINTER;
     const AnyfaceStatus invalid = ANYFACE_STATUS_INVALID_INPUT;
-    const char *units[] = {"12", "45L"}, *unknown[] = {"99"}, *missing[] = {NULL};
-    AnyfaceEvent event = {.start_s = 0.5, .end_s = 1.0, .units = units, .unit_count = 2,
-                          .strength = 1.0f};
-    AnyfaceEvents *made = MARK(AnyfaceEvents);
-    CHECK_FAILS(anyface_events_new(NULL, 1, &made, &error), null_pointer, "events");
-    CHECK_FAILS(anyface_events_new(&event, 1, NULL, &error), null_pointer, "out");
-    CHECK_FAILS(anyface_events_parse(NULL, NULL, &made, &error), null_pointer, "json");
-    CHECK_FAILS(anyface_events_parse(NULL, "no json", &made, &error), invalid, "expected a JSON list");
-    AnyfaceEvent wrong = event;
-    wrong.units = unknown, wrong.unit_count = 1;
-    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "99");
-    wrong.units = missing;
-    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), null_pointer, "units");
-    wrong = event;
-    wrong.strength = NAN;
-    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "strength");
-    wrong = event;
-    wrong.end_s = 0.5;
-    CHECK_FAILS(anyface_events_new(&wrong, 1, &made, &error), invalid, "slot");
-    CHECK(made == MARK(AnyfaceEvents));
-    CHECK_OK(anyface_events_new(&event, 1, &made, &error));
-    CHECK(anyface_events_count(made) == 1 && anyface_events_count(NULL) == 0);
-
-    anyface_events_free(made);
-    anyface_events_free(NULL);
-    anyface_event_notes_free(NULL);
+    char *json = &mark;
+    CHECK_FAILS(anyface_events_read(NULL, NULL, &json, &error), null_pointer, "text");
+    CHECK_FAILS(anyface_events_read(NULL, "0.5-1:12", NULL, &error), null_pointer, "json");
+    CHECK_FAILS(anyface_events_read(NULL, "[1, 2", &json, &error), invalid, "expected a JSON list");
+    CHECK_FAILS(anyface_events_read(NULL, "0-1:12\n0-1:99", &json, &error), invalid, "event 2");
+    CHECK_FAILS(anyface_events_read(NULL, "0.5-0.5:12", &json, &error), invalid, "slot");
+    CHECK_FAILS(anyface_events_read(NULL, "0.5-1:12:9", &json, &error), invalid, "strength");
+    CHECK(json == &mark);
+    CHECK_OK(anyface_events_read(NULL, "0.5-1:12,45L\n", &json, &error));
+    CHECK(strstr(json, "[\"12\",\"45L\"]") != NULL);
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "events", json, &error));
+    CHECK_OK(anyface_request_set_text(request, "events", "0.5-1:left wink:0.8", &error));
+    CHECK_FAILS(anyface_request_set_text(request, "events", "1-0:smile", &error), invalid, "event 1");
+    anyface_request_free(request);
+    anyface_text_free(json);
+    anyface_text_free(NULL);
+    json = &mark;
+    CHECK_FAILS(anyface_motion_notes(NULL, NULL, NULL, NULL, &json, &error), null_pointer, "engine");
+    CHECK(json == &mark);
 
     float value = 7.0f;
     CHECK_FAILS(anyface_motion_copy_weights(NULL, &value, 1, &error), null_pointer, "motion");
     CHECK(anyface_motion_weight_count(NULL) == 0 && anyface_motion_weight_name(NULL, 0) == NULL);
+    const char *names[] = {"jawOpen", "tongueOut"};
     AnyfaceWeights *weights = MARK(AnyfaceWeights);
-    CHECK_FAILS(anyface_weights_new_from_array(units, NULL, 2, 1, &weights, &error), null_pointer,
+    CHECK_FAILS(anyface_weights_new_from_array(names, NULL, 2, 1, &weights, &error), null_pointer,
                 "weights");
     CHECK(value == 7.0f && weights == MARK(AnyfaceWeights));
-    CHECK(anyface_event_notes_text(NULL, 0) == NULL);
 }
 
 /* A megabyte of one word. */
@@ -368,15 +363,15 @@ static void long_texts(void) {
     memset(text, 'a', length);
     memcpy(text, "0-1:", 4);
     text[length] = 0;
-    AnyfaceEvents *events = MARK(AnyfaceEvents);
-    AnyfaceExpression *expression = MARK(AnyfaceExpression);
-    CHECK_FAILS(anyface_events_from_text(NULL, text, &events, &error), ANYFACE_STATUS_INVALID_INPUT,
+    char *json = &mark;
+    CHECK_FAILS(anyface_events_read(NULL, text, &json, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "at most 1000 letters, got 1048576");
-    CHECK_FAILS(anyface_expression_new(NULL, text, &expression, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "at most 1000 letters, got 1048576");
-    CHECK_FAILS(anyface_events_parse(NULL, text, &events, &error), ANYFACE_STATUS_INVALID_INPUT,
+    CHECK_FAILS(anyface_expression_read(NULL, text, &json, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "at most 1000 letters, got 1048576");
+    text[0] = '[';
+    CHECK_FAILS(anyface_events_read(NULL, text, &json, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "expected a JSON list");
-    CHECK(events == MARK(AnyfaceEvents) && expression == MARK(AnyfaceExpression));
+    CHECK(json == &mark);
     free(text);
 }
 

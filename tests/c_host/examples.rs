@@ -137,7 +137,8 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         let mut command = in_folder(&program, &folder);
         let output = succeed(command.args(["voice.wav", "out.csv"]));
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(said.trim().ends_with("shapes 51 events 2"), "{said}");
+        let count = |said: &str| said.matches("start_s").count();
+        assert!(said.contains("shapes 51") && count(&said) == 2, "{said}");
         let table = std::fs::read_to_string(folder.join("out.csv")).expect("the table is there");
         let rows: Vec<&str> = table.lines().collect();
         assert!(rows[0].contains("BrowInnerUp") && (18..=21).contains(&rows.len()));
@@ -145,7 +146,7 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         let mut words = in_folder(&program, &folder);
         let output = succeed(words.args(["voice.wav", "out.csv", "0.2-0.5:left wink:0.8"]));
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(said.trim().ends_with("shapes 51 events 1"), "{said}");
+        assert!(said.contains("45L") && count(&said) == 1, "{said}");
         let mut wrong = in_folder(&program, &folder);
         let event = r#"[{"start_s": 0.2, "end_s": 0.1, "units": ["45L"]}]"#;
         let output = run(wrong.args(["voice.wav", "none.csv", event]), 3);

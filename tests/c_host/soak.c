@@ -35,7 +35,6 @@ static AnyfaceFace *faces[SLOTS];
 static AnyfaceMotion *motions[SLOTS];
 static AnyfaceClip *clips[SLOTS];
 static AnyfaceStream *streams[SLOTS];
-static AnyfaceEvents *events[SLOTS];
 static AnyfaceRequest *requests[SLOTS];
 
 static const char *head, *voice;
@@ -148,12 +147,13 @@ static int stop_at(void *user, const char *stage, float fraction) {
     return --*left == 0;
 }
 
-static void remake_events(void) {
+static void read_events(void) {
     static const char *const texts[] = {"0.1-0.4:smile:0.8", "0.2-0.3:12,6L", "nan-1:smile", "", "x",
                                         "0.1-0.2:blink:9"};
-    size_t at = draw(SLOTS);
-    REMAKE(events[at], anyface_events_free,
-           anyface_events_from_text(NULL, texts[draw(6)], &events[at], &error));
+    char *json = NULL;
+    AnyfaceStatus status = anyface_events_read(NULL, texts[draw(6)], &json, &error);
+    outcome(status, json != NULL);
+    anyface_text_free(json);
 }
 
 /* Asks for one thing more, of which much is refused. */
@@ -162,7 +162,8 @@ static void ask(AnyfaceRequest *request) {
                                         "up", "landmarks", "fixed_landmarks", "object_roles",
                                         "fps", "seed", "emotion", "emotion_of", "neutral_voice",
                                         "closures", "events", "starts_from", "style", "text"};
-    static const char *const texts[] = {"happy:0.7", "auto", "off", "", "a b c", "paper", "7"};
+    static const char *const texts[] = {"happy:0.7", "auto", "off", "", "a b c", "paper", "7",
+                                        "0.1-0.4:smile:0.8"};
     const char *name = names[draw(sizeof names / sizeof *names)];
     double rows[2 * ANYFACE_EMOTION_COUNT] = {0}, times[2] = {0.0, one_in(6) ? NAN : 0.2};
     rows[draw(2 * ANYFACE_EMOTION_COUNT)] = (double)number();
@@ -182,12 +183,9 @@ static void ask(AnyfaceRequest *request) {
     case 3:
         status = anyface_request_set_motion(request, name, ANY(motions), &error);
         break;
-    default: {
-        const AnyfaceEvents *rows_of_text = ANY(events);
-        const char *json = rows_of_text != NULL ? anyface_events_json(rows_of_text) : "[]";
-        const char *text = one_in(4) ? json : texts[draw(sizeof texts / sizeof *texts)];
-        status = anyface_request_set_text(request, name, text, &error);
-    }
+    default:
+        status = anyface_request_set_text(request, name, texts[draw(sizeof texts / sizeof *texts)],
+                                          &error);
     }
     outcome(status, status == ANYFACE_STATUS_OK);
 }
@@ -324,14 +322,12 @@ static void free_all(void) {
         anyface_stream_free(streams[i]);
         anyface_clip_free(clips[i]);
         anyface_motion_free(motions[i]);
-        anyface_events_free(events[i]);
         anyface_request_free(requests[i]);
         anyface_face_free(faces[i]);
         anyface_audio_free(sounds[i]);
         anyface_mesh_free(meshes[i]);
         anyface_engine_free(engines[i]);
-        streams[i] = NULL, clips[i] = NULL, motions[i] = NULL, events[i] = NULL;
-        requests[i] = NULL;
+        streams[i] = NULL, clips[i] = NULL, motions[i] = NULL, requests[i] = NULL;
         faces[i] = NULL, sounds[i] = NULL, meshes[i] = NULL, engines[i] = NULL;
     }
 }
@@ -344,7 +340,7 @@ int main(int argc, char **argv) {
     }
     static void (*const calls[])(void) = {
         remake_mesh,   remake_sound, remake_sound, remake_face, remake_face,
-        remake_events, remake_request, remake_request, remake_motion, remake_motion,
+        read_events,   remake_request, remake_request, remake_motion, remake_motion,
         remake_motion, remake_clip,    remake_clip,    stream_clip,   use_stream,
         use_stream,
     };

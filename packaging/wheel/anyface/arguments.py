@@ -88,7 +88,7 @@ def request_of(
     for name, value in fields.items():
         request.fields[name] = _field(engine, name, value)
     if events:
-        request.events = Reader(engine.models).events_of_lines("\n".join(events))
+        request.events = Reader(engine.models).events("\n".join(events))
     if isinstance(emotions, str) and emotions in EMOTION_WORDS:
         request.fields["emotion"] = emotions
     else:

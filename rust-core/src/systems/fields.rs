@@ -58,7 +58,7 @@ pub enum FieldKind {
     Emotion,
     /// Rows of two seconds, start and end, without times.
     Intervals,
-    /// A text: JSON as [`Reader::events_of_json`] reads it.
+    /// A text as [`Reader::events`] reads it: JSON, or lines such as `1.2-2.0:smile:0.8`.
     Events,
     /// A sound.
     Sound,
@@ -165,7 +165,7 @@ pub static FIELDS: &[Field] = &[
         }),
         set: |request, value| {
             request.events = match value.text()? {
-                Some(json) => Reader::new(None).events_of_json(json)?,
+                Some(text) => Reader::new(None).events(text)?,
                 None => Vec::new(),
             };
             Ok(())

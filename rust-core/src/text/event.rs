@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{TextUnits, check_length};
 use crate::{
     Error, Result,
-    conditions::{Event, Expression, MAX_EVENT_STRENGTH},
+    conditions::{ACTION_UNITS, Event, Expression, MAX_EVENT_STRENGTH},
     job::{InputKind, read_text},
 };
 
@@ -74,6 +74,55 @@ impl Reader {
         Event::of(slot_s, self.expression(said)?)
     }
 
+    /// Reads events from JSON, see [`Reader::events_of_json`], or from lines, see [`Reader::event`].
+    /// Empty lines are skipped.
+    ///
+    /// # Errors
+    /// Those of either, with the number of the event, counted from 1.
+    pub fn events(&self, text: &str) -> Result<Vec<Event>> {
+        if text.trim_start().starts_with(['[', '{']) {
+            return self.events_of_json(text);
+        }
+        let lines = text.lines().filter(|line| !line.trim().is_empty());
+        let read = |(row, line)| self.event(line).map_err(of_row(row));
+        lines.enumerate().map(read).collect()
+    }
+
+    /// Reads a text as [`Reader::expression`] does and writes what was read as JSON: `said`, the text
+    /// without strength and `!`; `units` such as `45L`; `strength`; `over_speech`; `hint`, which says
+    /// why there are no units, or is empty.
+    ///
+    /// # Errors
+    /// Those of [`Reader::expression`], except that a text without a known expression is none.
+    pub fn expression_to_json(&self, text: &str) -> Result<String> {
+        check_length(text)?;
+        let (expression, hint) = match self.expression(text) {
+            Ok(expression) => (expression, String::new()),
+            Err(Error::InvalidInput(why)) => {
+                let said = text.trim().to_owned();
+                let nothing = Expression {
+                    said,
+                    units: Vec::new(),
+                    strength: 0.0,
+                    over_speech: false,
+                };
+                (nothing, why)
+            }
+            Err(error) => return Err(error),
+        };
+        Ok(json_of(&ReadText {
+            units: expression
+                .units
+                .iter()
+                .map(|(unit, side)| side.written(ACTION_UNITS[*unit].name))
+                .collect(),
+            said: expression.said,
+            strength: expression.strength,
+            over_speech: expression.over_speech,
+            hint,
+        }))
+    }
+
     /// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2,
     /// "end_s": 2.0, "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two
     /// may be missing. `units` may be one expression, such as "left wink".
@@ -87,9 +136,6 @@ impl Reader {
             List(Vec<serde_json::Value>),
             Object { events: Vec<serde_json::Value> },
         }
-        let wrong = |row: usize, why: &dyn std::fmt::Display| {
-            Error::InvalidInput(format!("event {}: {why}", row + 1))
-        };
         let document: Document = serde_json::from_str(text).map_err(|error| {
             let message = format!(
                 "events: expected a JSON list of objects with start_s, end_s and units ({error})"
@@ -99,10 +145,7 @@ impl Reader {
         let (Document::List(rows) | Document::Object { events: rows }) = document;
         let read = |(row, value): (usize, serde_json::Value)| {
             let fields: Row = serde_json::from_value(value).map_err(|error| wrong(row, &error))?;
-            self.event_of_row(fields).map_err(|error| match error {
-                Error::InvalidInput(_) => wrong(row, &error),
-                other => other,
-            })
+            self.event_of_row(fields).map_err(of_row(row))
         };
         rows.into_iter().enumerate().map(read).collect()
     }
@@ -141,8 +184,33 @@ pub fn events_to_json(events: &[Event]) -> String {
         strength: event.strength,
         over_speech: event.over_speech,
     };
-    let rows: Vec<Row> = events.iter().map(row).collect();
-    serde_json::to_string(&rows).expect("numbers and texts can be written")
+    json_of(&events.iter().map(row).collect::<Vec<Row>>())
+}
+
+fn json_of(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("numbers and texts can be written")
+}
+
+fn wrong(row: usize, why: &dyn std::fmt::Display) -> Error {
+    Error::InvalidInput(format!("event {}: {why}", row + 1))
+}
+
+/// Adds the number of the event to an error, if it is about an invalid value.
+fn of_row(row: usize) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::InvalidInput(_) => wrong(row, &error),
+        other => other,
+    }
+}
+
+/// What [`Reader::expression_to_json`] writes.
+#[derive(Serialize)]
+struct ReadText {
+    said: String,
+    units: Vec<String>,
+    strength: f32,
+    over_speech: bool,
+    hint: String,
 }
 
 /// An event as a row of a file.

@@ -240,6 +240,44 @@ fn files_hold_the_same_events_as_text() {
 }
 
 #[test]
+fn lines_and_json_are_events() {
+    let reader = Reader::default();
+    let lines = reader.events("1.2-2.0:12,6L:0.8\n\n2.4-2.8:45L\n").unwrap();
+    assert_eq!(lines[0], Event::parse("1.2-2.0:12,6L:0.8").unwrap());
+    assert_eq!(lines.len(), 2);
+    assert_eq!(
+        reader
+            .events(&format!("\n {}", events_to_json(&lines)))
+            .unwrap(),
+        lines
+    );
+    assert_eq!(reader.events("\n").unwrap(), []);
+    for wrong in [
+        "0-1:12\n2-1:12",
+        r#"[{"start_s": 0, "end_s": 1, "units": "12"}, 7]"#,
+    ] {
+        let error = reader.events(wrong).unwrap_err().to_string();
+        assert!(error.contains("event 2"), "{error}");
+    }
+}
+
+#[test]
+fn what_was_read_in_a_text_is_json() {
+    let reader = Reader::default();
+    assert_eq!(
+        reader.expression_to_json("right wink!:0.5").unwrap(),
+        r#"{"said":"right wink","units":["6R","45R"],"strength":0.5,"over_speech":true,"hint":""}"#
+    );
+    let nothing = reader.expression_to_json(" 12345 ").unwrap();
+    let start = r#"{"said":"12345","units":[],"strength":0.0,"over_speech":false,"hint":""#;
+    assert!(
+        nothing.starts_with(start) && nothing.contains("got 12345"),
+        "{nothing}"
+    );
+    assert!(reader.expression_to_json(&"a".repeat(2000)).is_err());
+}
+
+#[test]
 fn damaged_files_are_refused() {
     let golden = Golden::open("text_units_debug");
     let config = golden.metadata("config");

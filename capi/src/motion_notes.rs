@@ -1,7 +1,5 @@
 //! Says in words which parts of a performance and its events a face cannot show.
 
-use std::ffi::CString;
-
 use anyface::spread::tongue_note;
 use libc::c_char;
 
@@ -11,14 +9,10 @@ use crate::{
     face::AnyfaceFace,
     guard,
     motion::AnyfaceMotion,
-    pointer::{self, handles},
+    pointer::handles,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
 };
-
-/// Sentences about a motion and its events on a face, in English. They never change once they are
-/// made: any number of threads may read them at the same time.
-pub struct AnyfaceEventNotes(Vec<CString>);
 
 /// Finds the parts of a motion and its events that nobody will see on this face. Long if the shapes
 /// of the face have not been made yet: accepts a progress handle.
@@ -32,17 +26,17 @@ pub struct AnyfaceEventNotes(Vec<CString>);
 /// - a face that no head of the system's own model resembles, so that landmarks alone moved it.
 ///   This is known only once a clip of this face was made.
 ///
-/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. Free with
-/// `anyface_event_notes_free()`.
+/// `motion`: from `anyface_motion_new()`. `progress` may be NULL. `json` receives a list of sentences
+/// in English; free it with `anyface_text_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not made from speech,
 /// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_event_notes_new(
+pub unsafe extern "C" fn anyface_motion_notes(
     engine: *const AnyfaceEngine,
     face: *const AnyfaceFace,
     motion: *const AnyfaceMotion,
     progress: *const AnyfaceProgress,
-    out: *mut *mut AnyfaceEventNotes,
+    json: *mut *mut c_char,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
@@ -59,32 +53,9 @@ pub unsafe extern "C" fn anyface_event_notes_new(
         let tongue = speaks.then(|| tongue_note(&face.0)).flatten();
         let texts = notes.into_iter().chain(face.0.field_note());
         let texts = texts.chain(tongue.map(str::to_owned));
-        let texts = texts.map(|text| pointer::c_text(&text));
-        Ok(AnyfaceEventNotes(texts.collect()))
+        Ok(serde_json::to_string(&texts.collect::<Vec<String>>()).unwrap_or_default())
     };
-    unsafe { guard::give(out, error, make) }
-}
-
-/// Number of sentences; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_event_notes_count(notes: *const AnyfaceEventNotes) -> usize {
-    unsafe { notes.as_ref() }.map_or(0, |notes| notes.0.len())
-}
-
-/// A sentence, UTF-8. NULL if `index` is not below the count, and for NULL. Lives as long as the
-/// notes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_event_notes_text(
-    notes: *const AnyfaceEventNotes,
-    index: usize,
-) -> *const c_char {
-    pointer::lend(unsafe { notes.as_ref() }.and_then(|notes| notes.0.get(index)))
-}
-
-/// Frees notes that no running call uses; nothing happens for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_event_notes_free(notes: *mut AnyfaceEventNotes) {
-    unsafe { guard::free(notes) }
+    unsafe { guard::give_text(json, error, make) }
 }
 
 #[cfg(test)]
@@ -103,6 +74,7 @@ mod tests {
     use crate::{
         clip::{anyface_clip_free, anyface_clip_new},
         motion::MotionSource,
+        text::anyface_text_free,
     };
 
     #[test]
@@ -127,16 +99,14 @@ mod tests {
         let motion = AnyfaceMotion::new(MotionSource::Spoken(Box::new(spoken.unwrap())));
         let engine = AnyfaceEngine(engine);
         let notes = || unsafe {
-            let mut notes = null_mut();
+            let mut json = null_mut();
             let status =
-                anyface_event_notes_new(&engine, &face, &motion, null(), &mut notes, null_mut());
+                anyface_motion_notes(&engine, &face, &motion, null(), &mut json, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);
-            let texts: Vec<String> = (0..anyface_event_notes_count(notes))
-                .map(|n| CStr::from_ptr(anyface_event_notes_text(notes, n)))
-                .map(|text| text.to_str().unwrap().to_owned())
-                .collect();
-            anyface_event_notes_free(notes);
-            texts
+            let notes: Vec<String> =
+                serde_json::from_str(CStr::from_ptr(json).to_str().unwrap()).unwrap();
+            anyface_text_free(json);
+            notes
         };
         // The head was made without a tongue.
         let without_tongue = "no tongue was found in the mouth";
