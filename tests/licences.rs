@@ -30,7 +30,7 @@ fn listed() -> BTreeMap<Release, String> {
         .collect()
 }
 
-/// The third-party crates that the command and the C library link on this system, with their
+/// The third-party crates that the command, the C library and the microphone link on this system, with their
 /// licences.
 fn linked() -> BTreeMap<Release, String> {
     let mut tree = Command::new(env!("CARGO"));
@@ -41,6 +41,7 @@ fn linked() -> BTreeMap<Release, String> {
         "--edges=normal",
         "--package=anyface-cli",
         "--package=anyface-capi",
+        "--package=anyface-microphone",
         "--prefix=none",
         "--no-dedupe",
         "--format={p}|{l}",

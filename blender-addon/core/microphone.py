@@ -2,7 +2,7 @@
 
 import ctypes
 import sys
-from ctypes import POINTER, byref, c_char_p, c_float, c_int32, c_size_t, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +21,7 @@ _SIGNATURES = {
     "anyface_microphone_name": (c_size_t, [c_void_p, c_char_p, c_size_t]),
     "anyface_microphone_read": (
         c_size_t,
-        [c_void_p, POINTER(c_float), c_size_t, POINTER(c_int32)],
+        [c_void_p, POINTER(c_float), c_size_t, c_double, POINTER(c_int32)],
     ),
     "anyface_microphone_close": (None, [c_void_p]),
     "anyface_microphone_devices": (c_size_t, [c_char_p, c_size_t]),
@@ -34,13 +34,18 @@ def path() -> Path:
     return library_path().with_name(names.get(sys.platform, "libanyface_microphone.so"))
 
 
+def why_missing() -> str:
+    """Why no microphone can be heard; "" if the library is there."""
+    place = path()
+    return "" if place.is_file() else f"expected {place.name} in {place.parent}"
+
+
 @cache
 def _library() -> ctypes.CDLL:
-    place = path()
-    if not place.is_file():
-        raise AnyfaceError("audio", f"microphone: expected {place.name} beside {library_path()}")
+    if reason := why_missing():
+        raise AnyfaceError("audio", f"microphone: {reason}")
     try:
-        library = ctypes.CDLL(str(place))
+        library = ctypes.CDLL(str(path()))
         for name, (result, arguments) in _SIGNATURES.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
@@ -91,7 +96,7 @@ class Microphone:
             raise AnyfaceError("input", "microphone: expected an open one, got a closed one")
         is_lost = c_int32()
         row = self._room.ctypes.data_as(POINTER(c_float))
-        count = self._library.anyface_microphone_read(self._handle, row, _MOST, byref(is_lost))
+        count = self._library.anyface_microphone_read(self._handle, row, _MOST, 0, byref(is_lost))
         self.is_lost = bool(is_lost.value)
         return self._room[:count].copy()
 

@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 2 usage, otherwise [`anyface::Error::exit_code`]. Results go to standard output,
 //! warnings, progress and errors to standard error; with `--json` both are JSON.
+#![deny(unsafe_code)]
 
 mod animate;
 pub mod any_words;

@@ -2,6 +2,7 @@
 //!
 //! It removes half-written files, prints the error, and exits with its code. Without this, Rust would end the
 //! process by SIGABRT, leave the files, and tell scripts nothing.
+#![allow(unsafe_code)]
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},

@@ -9,7 +9,20 @@ use std::{
     time::Duration,
 };
 
-use crate::{Microphone, devices};
+use crate::{Microphone, MicrophoneError, Monitor, devices};
+
+const VERSION: &CStr =
+    match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+        Ok(version) => version,
+        Err(_) => panic!("the version holds a NUL"),
+    };
+
+/// Version of the library, such as "0.1.0". It lives as long as the library is loaded. A program
+/// that loads the library at run time should stop if it was made for another version.
+#[unsafe(no_mangle)]
+pub extern "C" fn anyface_microphone_version() -> *const c_char {
+    VERSION.as_ptr()
+}
 
 /// A device that is being recorded. It belongs to one thread at a time.
 pub struct AnyfaceMicrophone {
@@ -32,15 +45,24 @@ pub unsafe extern "C" fn anyface_microphone_open(
     message_size: usize,
 ) -> *mut AnyfaceMicrophone {
     let name = (!name.is_null()).then(|| unsafe { CStr::from_ptr(name) }.to_string_lossy());
-    let opened = catch_unwind(|| Microphone::open(name.as_deref()));
-    let problem = match opened {
-        Ok(Ok(microphone)) => {
-            return Box::into_raw(Box::new(AnyfaceMicrophone {
-                microphone,
-                rest: Vec::new(),
-                is_lost: false,
-            }));
-        }
+    let open = || {
+        Ok(AnyfaceMicrophone {
+            microphone: Microphone::open(name.as_deref())?,
+            rest: Vec::new(),
+            is_lost: false,
+        })
+    };
+    unsafe { open_device(open, message, message_size) }
+}
+
+/// A new handle from `open`. If that fails, writes the reason into `message` and returns NULL.
+unsafe fn open_device<T>(
+    open: impl FnOnce() -> Result<T, MicrophoneError>,
+    message: *mut c_char,
+    message_size: usize,
+) -> *mut T {
+    let problem = match catch_unwind(AssertUnwindSafe(open)) {
+        Ok(Ok(device)) => return Box::into_raw(Box::new(device)),
         Ok(Err(error)) => error.to_string(),
         Err(_) => "microphone: the system's sound interface failed".to_owned(),
     };
@@ -60,8 +82,9 @@ pub unsafe extern "C" fn anyface_microphone_name(
     unsafe { write_text(text, name, name_size) }
 }
 
-/// Reads the sound that has arrived, without waiting. Writes at most `sample_count` samples, mono,
-/// 16 kHz, -1 to 1, into `samples`. Returns how many it wrote.
+/// Reads the sound that has arrived. If there is none, waits for at most `wait_s` seconds.
+/// Writes at most `sample_count` samples, mono, 16 kHz, -1 to 1, into `samples`. Returns how many
+/// it wrote.
 ///
 /// `is_lost`, which may be NULL, receives 1 if the samples are silence because the device is gone,
 /// else 0.
@@ -70,6 +93,7 @@ pub unsafe extern "C" fn anyface_microphone_read(
     microphone: *mut AnyfaceMicrophone,
     samples: *mut f32,
     sample_count: usize,
+    wait_s: f64,
     is_lost: *mut i32,
 ) -> usize {
     let Some(microphone) = (unsafe { microphone.as_mut() }) else {
@@ -78,7 +102,8 @@ pub unsafe extern "C" fn anyface_microphone_read(
     if samples.is_null() {
         return 0;
     }
-    let read = AssertUnwindSafe(|| microphone.fill());
+    let patience = Duration::try_from_secs_f64(wait_s).unwrap_or_default();
+    let read = AssertUnwindSafe(|| microphone.fill(patience));
     let _ = catch_unwind(read);
     let count = sample_count.min(microphone.rest.len());
     let out = unsafe { slice::from_raw_parts_mut(samples, count) };
@@ -91,8 +116,11 @@ pub unsafe extern "C" fn anyface_microphone_read(
 }
 
 impl AnyfaceMicrophone {
-    fn fill(&mut self) {
-        let block = self.microphone.read(Duration::ZERO);
+    /// Adds what has arrived to the rest. Waits only where there is no rest.
+    fn fill(&mut self, patience: Duration) {
+        let has_rest = !self.rest.is_empty();
+        let patience = if has_rest { Duration::ZERO } else { patience };
+        let block = self.microphone.read(patience);
         self.is_lost = block.is_lost;
         self.rest.extend(block.samples);
     }
@@ -101,9 +129,13 @@ impl AnyfaceMicrophone {
 /// Ends recording. Does nothing if `microphone` is NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_microphone_close(microphone: *mut AnyfaceMicrophone) {
-    if !microphone.is_null() {
-        let microphone = unsafe { Box::from_raw(microphone) };
-        let _ = catch_unwind(AssertUnwindSafe(|| drop(microphone)));
+    unsafe { close_device(microphone) }
+}
+
+unsafe fn close_device<T>(device: *mut T) {
+    if !device.is_null() {
+        let device = unsafe { Box::from_raw(device) };
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(device)));
     }
 }
 
@@ -116,6 +148,73 @@ pub unsafe extern "C" fn anyface_microphone_devices(
 ) -> usize {
     let text = catch_unwind(|| devices().join("\n")).unwrap_or_default();
     unsafe { write_text(&text, names, names_size) }
+}
+
+/// Loudspeakers that play sound late. It belongs to one thread at a time.
+pub struct AnyfaceMonitor {
+    monitor: Monitor,
+}
+
+/// Opens the system's default loudspeakers. Sound is heard `delay_s` seconds after it was pushed,
+/// so that it fits a face that follows it.
+///
+/// Returns NULL if nothing can be played; `message`, of `message_size` bytes, then receives the
+/// reason. Close with `anyface_monitor_close()`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_monitor_open(
+    delay_s: f64,
+    message: *mut c_char,
+    message_size: usize,
+) -> *mut AnyfaceMonitor {
+    let open = || {
+        Ok(AnyfaceMonitor {
+            monitor: Monitor::open(delay_s)?,
+        })
+    };
+    unsafe { open_device(open, message, message_size) }
+}
+
+/// Writes the name of the loudspeakers into `name`, of `name_size` bytes. Returns how many bytes
+/// the whole name needs, with the closing zero.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_monitor_name(
+    monitor: *const AnyfaceMonitor,
+    name: *mut c_char,
+    name_size: usize,
+) -> usize {
+    let text = unsafe { monitor.as_ref() }.map_or("", |m| m.monitor.name());
+    unsafe { write_text(text, name, name_size) }
+}
+
+/// Queues `sample_count` samples, mono, 16 kHz, -1 to 1, to be played after those pushed before.
+/// Copies them and does not wait.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_monitor_push(
+    monitor: *mut AnyfaceMonitor,
+    samples: *const f32,
+    sample_count: usize,
+) {
+    let Some(monitor) = (unsafe { monitor.as_mut() }) else {
+        return;
+    };
+    if samples.is_null() {
+        return;
+    }
+    let samples = unsafe { slice::from_raw_parts(samples, sample_count) };
+    let _ = catch_unwind(AssertUnwindSafe(|| monitor.monitor.push(samples)));
+}
+
+/// Returns 1 while sound is playing. Returns 0 while it waits for the delay, and once all has been
+/// played.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_monitor_is_playing(monitor: *const AnyfaceMonitor) -> i32 {
+    unsafe { monitor.as_ref() }.map_or(0, |m| i32::from(m.monitor.is_playing()))
+}
+
+/// Ends playback. Does nothing if `monitor` is NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_monitor_close(monitor: *mut AnyfaceMonitor) {
+    unsafe { close_device(monitor) }
 }
 
 /// Writes as much of `text` as fits, and a closing zero. Returns how many bytes the whole text
@@ -151,10 +250,14 @@ mod tests {
         unsafe {
             anyface_microphone_close(null_mut());
             assert_eq!(
-                anyface_microphone_read(null_mut(), null_mut(), 1, null_mut()),
+                anyface_microphone_read(null_mut(), null_mut(), 1, 0.0, null_mut()),
                 0
             );
             assert_eq!(anyface_microphone_name(null_mut(), null_mut(), 0), 1);
+            anyface_monitor_close(null_mut());
+            anyface_monitor_push(null_mut(), [0.0].as_ptr(), 1);
+            assert_eq!(anyface_monitor_is_playing(null_mut()), 0);
+            assert_eq!(anyface_monitor_name(null_mut(), null_mut(), 0), 1);
         }
     }
 }

@@ -5,6 +5,7 @@ use std::{fs, path::Path, process::Command};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use serde_json::{Value, json};
 
 use crate::{machine, steps::Steps, third_party};
 
@@ -14,6 +15,10 @@ pub const FILES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE", THIRD_PA
 
 /// The crates linked into the command and the library, with their licences.
 const THIRD_PARTY: &str = "THIRD-PARTY.md";
+
+/// The crates whose packages link others: the command, which enables every feature of the library,
+/// and the microphone, which it loads.
+const LINKING: [&str; 2] = ["cli", "microphone"];
 
 /// The version of cargo-about that THIRD-PARTY.md is written with.
 const CARGO_ABOUT: &str = "0.9.3";
@@ -52,29 +57,37 @@ impl Licences {
         let mut fetch = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
         fetch.args(["fetch", "--locked"]);
         steps.run("fetch the crates", fetch.current_dir(machine::root()))?;
-        let report = machine::target().join("licences.json");
-        let mut about = Command::new("cargo-about");
-        about.current_dir(machine::root()).args([
-            "generate",
-            "--frozen",
-            "--fail",
-            // The command enables every feature of the library.
-            "--manifest-path",
-            "cli/Cargo.toml",
-            "--config",
-            "packaging/about.toml",
-            "--format",
-            "json",
-            "--output-file",
-        ]);
-        steps.run("collect the licences", about.arg(&report))?;
+        let (mut crates, mut licences) = (Vec::new(), Vec::new());
+        for folder in LINKING {
+            let mut report = collect(&mut steps, folder)?;
+            for (name, all) in [("crates", &mut crates), ("licenses", &mut licences)] {
+                let list = report[name].as_array_mut();
+                all.append(list.with_context(|| format!("cargo-about wrote no list {name:?}"))?);
+            }
+        }
         let template = fs::read_to_string(machine::root().join("packaging/third-party.md.in"))?;
-        let page = third_party::page(&template, &serde_json::from_slice(&fs::read(report)?)?)?;
+        let all = json!({"crates": crates, "licenses": licences});
+        let page = third_party::page(&template, &all)?;
         let file = machine::root().join(THIRD_PARTY);
         fs::write(&file, page)?;
         println!("wrote {}", file.display());
         Ok(())
     }
+}
+
+/// The JSON of cargo-about for the crate in `folder`.
+fn collect(steps: &mut Steps, folder: &str) -> Result<Value> {
+    let report = machine::target().join("licences.json");
+    let mut about = Command::new("cargo-about");
+    about
+        .current_dir(machine::root())
+        .args(["generate", "--frozen", "--fail", "--manifest-path"])
+        .arg(format!("{folder}/Cargo.toml"))
+        .args(["--config", "packaging/about.toml"])
+        .args(["--format", "json", "--output-file"])
+        .arg(&report);
+    steps.run(&format!("collect the licences of {folder}"), &mut about)?;
+    Ok(serde_json::from_slice(&fs::read(report)?)?)
 }
 
 #[cfg(test)]

@@ -84,7 +84,7 @@ fn pack_tighter(steps: &mut Steps, zips: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Lays out the tarball: command, library, header, package files of pkg-config and CMake, licences.
+/// Lays out the tarball: command, libraries, headers, package files of pkg-config and CMake, licences.
 fn stage(platform: Platform, built: &Path, tree: &Path) -> Result<()> {
     machine::empty(tree)?;
     install::install(platform, built, tree)?;
@@ -93,6 +93,16 @@ fn stage(platform: Platform, built: &Path, tree: &Path) -> Result<()> {
     if command.is_file() {
         fs::create_dir_all(tree.join("bin"))?;
         fs::copy(command, tree.join("bin").join(platform.command()))?;
+    }
+    // The command and C hosts look for the microphone here. Not every system's is built.
+    let microphone = built.join(platform.microphone_library());
+    if microphone.is_file() {
+        fs::copy(
+            microphone,
+            tree.join("lib").join(platform.microphone_library()),
+        )?;
+        let header = "include/anyface_microphone.h";
+        fs::copy(machine::root().join(header), tree.join(header))?;
     }
     licences::copy(tree)
 }
@@ -131,6 +141,7 @@ mod tests {
         for name in [
             platform.shared_library(),
             library,
+            platform.microphone_library(),
             "anyface.dll.lib",
             command,
         ] {
@@ -142,6 +153,12 @@ mod tests {
         assert!(missing.is_empty(), "{missing:?}");
         assert!(tree.join("lib").join(library).is_file());
         assert!(tree.join("bin").join(command).is_file());
+        assert!(
+            tree.join("lib")
+                .join(platform.microphone_library())
+                .is_file()
+        );
+        assert!(tree.join("include/anyface_microphone.h").is_file());
         fs::remove_dir_all(folder).unwrap();
     }
 }

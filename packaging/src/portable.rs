@@ -15,8 +15,6 @@ use crate::{apt, machine, platform::Platform, steps::Steps, symbols};
 /// folder.
 ///
 /// The microphone library is left out if this machine lacks the sound headers of the other system.
-/// The command listens to a microphone only on Windows and macOS: on Linux it would not start
-/// without a sound system.
 pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<PathBuf> {
     let has_sound = platform == Platform::here()? || platform == Platform::WindowsX64;
     if has_sound && platform.is_linux() {
@@ -40,9 +38,6 @@ pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Pat
     machine::check_names_no_folder(&library)?;
     let mut command = cargo(steps, platform, profile)?;
     command.args(["-p", "anyface-cli"]);
-    if !has_sound || platform.is_linux() {
-        command.arg("--no-default-features");
-    }
     steps.run(&format!("build the command for {name}"), &mut command)?;
     if platform == Platform::WindowsX64 && !cfg!(windows) {
         import_library(steps, &built)?;

@@ -10,7 +10,7 @@ use std::{
 
 use anyface::{Error, Result, audio::SAMPLE_RATE_HZ};
 
-use super::sound_devices::Microphone;
+use super::sound_library::Microphone;
 
 /// Samples that a file returns at a time: 20 ms.
 const BLOCK: usize = 320;

@@ -7,11 +7,8 @@ mod live_link;
 mod meter;
 mod osc;
 mod pace;
-#[cfg(feature = "microphone")]
 mod sound_devices;
-#[cfg(not(feature = "microphone"))]
-#[path = "no_sound_devices.rs"]
-mod sound_devices;
+mod sound_library;
 mod targets;
 mod udp;
 mod websocket;
@@ -41,7 +38,8 @@ use frame::{Feelings, Frame};
 use input::{Heard, Input};
 use meter::Meter;
 use pace::{Pace, Paced, Weights};
-use sound_devices::{DeviceArgs, Monitor, print_devices};
+use sound_devices::{DeviceArgs, print_devices};
+use sound_library::Monitor;
 use targets::{TargetArgs, Targets};
 
 /// The longest wait before sound and signals are checked again.

@@ -1,10 +1,9 @@
 //! The sound devices of this machine: microphones, and loudspeakers that play the sound the face follows.
 
 use anyface::{Error, Result};
-use anyface_microphone::devices;
-pub use anyface_microphone::{Microphone, Monitor};
 use clap::Args;
 
+use super::sound_library::{Microphone, Monitor, devices};
 use crate::console::Console;
 
 /// The longest delay of the played sound, in seconds.
@@ -38,8 +37,7 @@ impl DeviceArgs {
     /// # Errors
     /// `Audio` if it cannot be opened for recording.
     pub fn open(&self, console: &Console) -> Result<Microphone> {
-        let opened = Microphone::open(self.microphone.as_deref());
-        let microphone = opened.map_err(|e| Error::Audio(e.to_string()))?;
+        let microphone = Microphone::open(self.microphone.as_deref())?;
         console.note(&format!("listening to {}", microphone.name()));
         Ok(microphone)
     }
@@ -58,7 +56,7 @@ impl DeviceArgs {
                 "--delay: expected 0 to {LONGEST_DELAY_S} seconds, got {delay_s}"
             )));
         }
-        let monitor = Monitor::open(delay_s).map_err(|e| Error::Audio(e.to_string()))?;
+        let monitor = Monitor::open(delay_s)?;
         console.note(&format!(
             "playing on {}, {:.0} ms later",
             monitor.name(),
@@ -71,12 +69,15 @@ impl DeviceArgs {
 /// Prints the names of the microphones.
 ///
 /// # Errors
-/// `Audio` if there is none, `Io` if standard output cannot be written to.
+/// `Audio` if there is none or no library for them, `Io` if standard output cannot be written to.
 pub fn print_devices(console: &Console) -> Result<()> {
-    let names = devices();
+    let names = devices()?;
     if names.is_empty() {
-        let error = anyface_microphone::MicrophoneError::None;
-        return Err(Error::Audio(error.to_string()));
+        return Err(Error::Audio(
+            "microphone: expected a device that records, and this system lists none; plug one in, and let programs \
+             use it in the system's privacy settings"
+                .into(),
+        ));
     }
     console.value(&names, &names.join("\n"))
 }

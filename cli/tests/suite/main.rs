@@ -4,7 +4,7 @@ mod batch;
 mod command;
 mod hostile;
 mod live;
-#[cfg(all(target_os = "linux", feature = "microphone"))]
+#[cfg(target_os = "linux")]
 mod microphone;
 mod options;
 mod performance;

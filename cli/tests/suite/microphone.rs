@@ -1,11 +1,15 @@
-//! `anyface live` on a microphone. The tests run a sound system whose device records what is played on it.
+//! `anyface live` on a microphone. The tests run a sound system whose device records what is played on it, and a
+//! command that is installed with the microphone's library beside it.
 
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
     process::{Child, ChildStdout, Command, Stdio},
-    sync::mpsc::{Receiver, channel},
+    sync::{
+        LazyLock,
+        mpsc::{Receiver, channel},
+    },
     thread,
     time::{Duration, Instant},
 };
@@ -18,6 +22,30 @@ use crate::{folder_with_sound, voice};
 const PATIENCE: Duration = Duration::from_secs(60);
 /// At rest, the weight of `jawOpen` stays below this.
 const REST: f64 = 0.05;
+
+const LIBRARY: &str = "libanyface_microphone.so";
+
+/// Folder of a command with the library, as packages have it: in `bin` and `lib`.
+static PACKAGE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+    let package = installed("bin");
+    fs::create_dir(package.path().join("lib")).unwrap();
+    fs::hard_link(built_library(), package.path().join("lib").join(LIBRARY)).unwrap();
+    package
+});
+
+/// A new folder on the disk of the builds, with a link to the command in its folder `name`.
+fn installed(name: &str) -> tempfile::TempDir {
+    let command = Path::new(env!("CARGO_BIN_EXE_anyface"));
+    let folder = tempfile::tempdir_in(command.parent().unwrap()).unwrap();
+    fs::create_dir(folder.path().join(name)).unwrap();
+    fs::hard_link(command, folder.path().join(name).join("anyface")).unwrap();
+    folder
+}
+
+/// The library of the crate `anyface-microphone`, which cargo has built beside the tests.
+fn built_library() -> PathBuf {
+    std::env::current_exe().unwrap().with_file_name(LIBRARY)
+}
 
 /// A PulseAudio whose one device has no hardware; it records what is played on it.
 struct SoundSystem {
@@ -54,7 +82,8 @@ impl SoundSystem {
     }
 
     fn live(&self, arguments: &[&str]) -> Command {
-        let mut command = self.command(env!("CARGO_BIN_EXE_anyface"));
+        let installed = PACKAGE.path().join("bin/anyface");
+        let mut command = self.command(installed.to_str().unwrap());
         command.arg("live").args(arguments);
         command
     }
@@ -275,17 +304,53 @@ fn loudest(mut from: ChildStdout) -> thread::JoinHandle<u16> {
 #[test]
 fn a_machine_without_sound_says_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
+    let mut command = Command::new(PACKAGE.path().join("bin/anyface"));
     in_sound_folder(&mut command, folder.path());
     // ALSA then knows no device either.
     fs::write(folder.path().join("asound.conf"), "").unwrap();
     command.env("ALSA_CONFIG_PATH", folder.path().join("asound.conf"));
-    let output = command.args(["live", "--devices"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(4));
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    let message = refusal(command.args(["live", "--devices"]));
     assert!(
         message.contains("this system lists none; plug one in"),
         "{message}"
     );
     assert!(!message.contains("ALSA lib"), "{message}");
+}
+
+#[test]
+fn without_the_library_it_says_where_it_looked_and_how_to_build_it() {
+    let folder = installed("bin");
+    let command = folder.path().join("bin/anyface");
+    for arguments in [&["live", "--devices"][..], &["live", "--json"]] {
+        let message = refusal(Command::new(&command).args(arguments));
+        for part in [
+            format!(
+                "expected {LIBRARY} in {}",
+                command.parent().unwrap().display()
+            ),
+            "cargo build --release -p anyface-microphone".to_owned(),
+            "name a sound with --input".to_owned(),
+        ] {
+            assert!(message.contains(&part), "{part}: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_library_that_is_none_is_refused_by_name() {
+    let folder = installed("bin");
+    let library = folder.path().join("bin").join(LIBRARY);
+    fs::write(&library, "no library").unwrap();
+    let message =
+        refusal(Command::new(folder.path().join("bin/anyface")).args(["live", "--devices"]));
+    let expected = format!("{} cannot be loaded", library.display());
+    assert!(message.contains(&expected), "{message}");
+}
+
+/// Standard error of a command that ends because of its sound.
+fn refusal(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{message}");
+    message
 }
