@@ -48,6 +48,18 @@ def test_actionlint_finds_a_fault_where_there_is_one(linter, tmp_path):
     assert any("wep" in line for line in linter(broken))
 
 
+@pytest.mark.parametrize("path", WORKFLOWS, ids=[path.stem for path in WORKFLOWS])
+def test_every_action_is_named_by_its_commit_and_one_commit_everywhere(path):
+    used = re.findall(r"(?m)^[ -]*uses: *(.*)$", path.read_text())
+    assert used
+    # A tag can be moved to other code, a commit cannot. The version is for people.
+    for line in used:
+        assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", line), line
+    everywhere = "".join(path.read_text() for path in WORKFLOWS)
+    for name in {line.split("@")[0] for line in used}:
+        assert len(set(re.findall(rf"uses: {name}@(\S+ # \S+)", everywhere))) == 1, name
+
+
 def xtask_lines():
     """Arguments of `cargo xtask` in the workflows; `value` replaces GitHub's expressions."""
     for path in WORKFLOWS:
