@@ -18,7 +18,6 @@ GOLDENS = {
     "eight_bits": "training.nn.golden_eight_bits",
     "log_mel": "training.speech.golden_log_mel",
     "emotion_ear": "training.speech.golden_emotion_ear",
-    "emotion_model": "training.speech.golden_emotion_model",
     "emotion_of_whisper": "training.speech.golden_emotion_of_whisper",
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",

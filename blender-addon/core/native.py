@@ -76,7 +76,7 @@ class Engine(
 
         `cache` is the folder for results that depend only on a mesh; without it the user's own
         cache folder is used. `weights` is a folder of model files that replace the built-in ones,
-        `emotion_model` the folder of a classifier that hears the emotion of a voice. Raises
+        `emotion_model` the folder of Whisper base, which hears the emotion of a voice. Raises
         `AnyfaceError`.
         """
         self._library = load(library_path())

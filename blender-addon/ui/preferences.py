@@ -36,9 +36,8 @@ class AnyfacePreferences(AddonPreferences):
 
     emotion_model: StringProperty(
         name="Emotion Model",
-        description="Folder of a model that hears the emotion From the Voice: Whisper base "
-        "(openai/whisper-base), or an emotion classifier on HuBERT or wav2vec2, as "
-        "Hugging Face has them; empty uses the built-in one",
+        description="Folder of Whisper base (openai/whisper-base of Hugging Face), which hears "
+        "the emotion From the Voice; empty uses the built-in model",
         subtype="DIR_PATH",
     )
 
@@ -119,7 +118,7 @@ def model_folder(scene) -> Path | None:
 
 
 def emotion_model() -> Path | None:
-    """The folder of the classifier that hears emotions; None for the built-in one."""
+    """The folder of Whisper base, which hears emotions; None for the built-in model."""
     folder = _stored("emotion_model", "")
     return Path(bpy.path.abspath(folder)) if folder else None
 

@@ -44,9 +44,8 @@ pub struct SharedArgs {
     /// replaces the built-in one
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<InputPath>,
-    /// Folder of a model that recognises the emotion of the voice for `auto`, instead of the
-    /// built-in one: Whisper base (openai/whisper-base), or an emotion classifier on HuBERT or
-    /// wav2vec2 (config.json with labels, weights)
+    /// Folder of Whisper base (openai/whisper-base), which recognises the emotion of the voice for
+    /// `auto`, instead of the built-in model
     #[arg(long, global = true, value_name = "DIR")]
     emotion_model: Option<InputPath>,
     /// Folder that stores the work for each mesh between runs [default: the user's cache folder]

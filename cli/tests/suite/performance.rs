@@ -308,7 +308,7 @@ fn landmarks_of_the_default_head_are_found_and_written() {
 }
 
 #[test]
-fn a_classifier_that_is_not_there_is_refused() {
+fn a_whisper_that_is_not_there_is_refused() {
     refused(
         &folder_with_sound(&babble(1.0, 16_000), 16_000),
         "motion --audio a.wav --emotion auto --emotion-model nowhere --out m.npz",

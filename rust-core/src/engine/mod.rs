@@ -32,7 +32,7 @@ use crate::{
     motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
-    speech::{self, EmotionEar, PHONE_MODEL, PhoneModel, SpeechEncoder, UserEar},
+    speech::{self, EmotionEar, PHONE_MODEL, PhoneModel, SpeechEncoder, WhisperEar},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
@@ -61,8 +61,8 @@ pub struct EngineOptions {
     /// option, a system whose config names `hubert` or `wav2vec2` takes the folder of that name
     /// among the models.
     pub speech: Option<PathBuf>,
-    /// A Hugging Face folder with a model that replaces the built-in ear wherever the emotion is
-    /// taken from the voice: Whisper base or a classifier; see [`speech::UserEar`].
+    /// A Hugging Face folder with Whisper base, which replaces the built-in ear wherever the emotion
+    /// is taken from the voice.
     pub emotion_model: Option<PathBuf>,
 }
 
@@ -124,8 +124,8 @@ struct SharedModels {
     face_modes: FaceModes,
     /// Hears emotions in a voice.
     ear: Opened<Arc<EmotionEar>>,
-    /// The user's own model, which hears emotions instead of `ear`.
-    user_ear: Option<UserEar>,
+    /// Whisper base from the user's folder, which hears emotions instead of `ear`.
+    whisper_ear: Option<WhisperEar>,
     /// Hears phones, which say when lips touch.
     phone_model: Opened<Arc<PhoneModel>>,
     /// Identifies the models in the cache entries of a mesh.
@@ -142,8 +142,8 @@ impl SharedModels {
             ear: Opened::of(&speech::EMOTION_EAR, folder, || {
                 EmotionEar::open(folder).map(Arc::new)
             })?,
-            user_ear: match emotion_model {
-                Some(model) => Some(UserEar::open(model, folder)?),
+            whisper_ear: match emotion_model {
+                Some(model) => Some(WhisperEar::open(model, folder)?),
                 None => None,
             },
             phone_model: Opened::of(&PHONE_MODEL, folder, || {

@@ -20,7 +20,7 @@ use crate::{
         check_closures, check_fps,
     },
     nn::finite::check_result,
-    speech::{Heard, HeardEmotion, NeutralVoice, UserEar},
+    speech::{Heard, HeardEmotion, NeutralVoice},
     spread::{Movement, on_face},
     systems::{Ability, Sampled, check_abilities},
 };
@@ -66,8 +66,7 @@ impl Performance {
     }
 
     /// How likely each emotion is in the voice over time, as the built-in ear or the user's Whisper
-    /// hears it. `None` if a classifier replaces the ear, or if the motion did not need the
-    /// built-in ear.
+    /// hears it. `None` if the motion did not need the built-in ear.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
         self.heard.heard_before()
     }
@@ -162,9 +161,8 @@ impl Engine {
     ///
     /// # Errors
     /// `Audio` for a sound too short to use or a neutral voice in which no voice is heard,
-    /// `InvalidInput` for a request out of range or a neutral voice together with the user's
-    /// classifier of emotions, `Numerics` if the weights of a model give values that are not
-    /// finite, `Cancelled`.
+    /// `InvalidInput` for a request out of range, `Numerics` if the weights of a model give values
+    /// that are not finite, `Cancelled`.
     pub fn perform(
         &self,
         waveform: &Waveform,
@@ -182,16 +180,10 @@ impl Engine {
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
-            match &self.shared.user_ear {
-                Some(UserEar::Classifier(model)) => {
-                    heard.emotion = Some(model.emotion(waveform, progress)?);
-                }
-                Some(UserEar::Whisper(ear)) => {
-                    let neutral = heard.neutral_voice.as_ref();
-                    let emotion = ear.heard(waveform, &heard.voice, neutral, progress)?;
-                    heard.hear_emotion(emotion);
-                }
-                None => {}
+            if let Some(ear) = &self.shared.whisper_ear {
+                let neutral = heard.neutral_voice.as_ref();
+                let emotion = ear.heard(waveform, &heard.voice, neutral, progress)?;
+                heard.hear_emotion(emotion);
             }
             report(progress, "speech", 1.0)?;
             let request = self.resolved(request, &heard);
@@ -209,14 +201,8 @@ impl Engine {
         let Some(voice) = &request.neutral_voice else {
             return Ok(None);
         };
-        match (&self.shared.user_ear, voice.sound()) {
-            (Some(UserEar::Classifier(_)), _) => Err(Error::InvalidInput(
-                "neutral voice: expected the built-in ear or Whisper, got a classifier of emotions, which cannot use a neutral voice"
-                    .into(),
-            )),
-            (Some(UserEar::Whisper(ear)), Some(sound)) => {
-                ear.neutral_voice(sound, voice, progress).map(Some)
-            }
+        match (&self.shared.whisper_ear, voice.sound()) {
+            (Some(ear), Some(sound)) => ear.neutral_voice(sound, voice, progress).map(Some),
             _ => self.shared.ear.get()?.neutral_voice(voice).map(Some),
         }
     }

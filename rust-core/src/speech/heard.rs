@@ -38,8 +38,6 @@ pub struct Heard {
     pub prosody: Prosody,
     /// Measurements of the voice for an encoder of emotions.
     pub voice: VoiceTrack,
-    /// The emotion that a user's own model recognises, if the engine has one.
-    pub emotion: Option<EmotionCurve>,
     /// The ear for emotion, if the engine has it.
     pub ear: Option<Arc<EmotionEar>>,
     /// How the speaker sounds to the ear without emotion, if that is known.
@@ -75,7 +73,6 @@ impl Heard {
             track: encoder.encode(waveform, &share(0.0, ENCODED))?,
             prosody: Prosody::of(waveform),
             voice: VoiceTrack::hear(waveform, &share(ENCODED, 1.0))?,
-            emotion: None,
             ear: None,
             neutral_voice: None,
             heard_emotion: OnceLock::new(),
@@ -116,10 +113,9 @@ impl Heard {
         Ok(())
     }
 
-    /// How likely each emotion is over time, by the ear. `None` if the engine has no ear or a user's
-    /// model recognises emotion instead.
+    /// How likely each emotion is over time, by the ear. `None` if the engine has no ear.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
-        let ear = self.ear.as_ref().filter(|_| self.emotion.is_none())?;
+        let ear = self.ear.as_ref()?;
         let hear = || ear.heard(&self.voice, self.neutral_voice.as_ref());
         Some(self.heard_emotion.get_or_init(hear))
     }
@@ -134,14 +130,11 @@ impl Heard {
         self.heard_emotion.get()
     }
 
-    /// The emotion in the voice, by the user's model or by the ear; neutral if the engine has
-    /// neither.
+    /// The emotion in the voice by the ear; neutral if the engine has no ear.
     pub fn emotion_curve(&self) -> EmotionCurve {
-        match (&self.emotion, self.heard_emotion()) {
-            (Some(curve), _) => curve.clone(),
-            (None, Some(heard)) => heard.curve(),
-            (None, None) => EmotionCurve::default(),
-        }
+        self.heard_emotion()
+            .map(HeardEmotion::curve)
+            .unwrap_or_default()
     }
 
     /// The name of the encoder of the features.

@@ -11,7 +11,6 @@ mod ear;
 mod emotion_ear;
 mod emotion_encoder;
 mod emotion_listener;
-mod emotion_model;
 mod encoder;
 mod encoder_config;
 mod heard;
@@ -29,7 +28,6 @@ mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
 mod travel;
-mod user_ear;
 mod voice_gate;
 pub mod wav2vec2;
 pub mod whisper;
@@ -51,7 +49,6 @@ pub use emotion_encoder::{
     EMOTION_ENCODER, EmotionEncoder, EmotionEncoderConfig, LiveEmotion, VoiceTrack, VoiceWindow,
 };
 pub use emotion_listener::EmotionListener;
-pub use emotion_model::EmotionModel;
 pub use encoder::{EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of};
 pub use heard::Heard;
 pub use lip_shapes::{LIP_SHAPES, LipShape, LipShapes};
@@ -62,7 +59,6 @@ pub use resample::at_motion_frames;
 pub use script::Script;
 pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
-pub use user_ear::UserEar;
 pub use voice_gate::VoiceGate;
 
 use std::path::Path;

@@ -23,7 +23,7 @@ use crate::{
     nn::{
         attention::SelfAttention,
         conv::Conv1d,
-        elementwise::{add_all, gelu_all, softmax},
+        elementwise::{add_all, gelu_all},
         linear::Linear,
         matrix,
         norm::{LayerNorm, add_and_norm},
@@ -51,14 +51,12 @@ pub(super) struct TransformerEncoder {
     layers: Vec<EncoderLayer>,
 }
 
-/// A hidden state, or several.
+/// A hidden state.
 enum Chosen {
     /// The last state, normalised in the stable variant.
     Output,
     /// The state of this number; 0 is before the first layer.
     Layer(usize),
-    /// The sum of all states, each times its share. The output takes the place of the last state.
-    Mixed(Vec<f32>),
 }
 
 /// Every hidden state `[T, C]`, beginning with the one before the first layer, and the output.
@@ -72,16 +70,6 @@ pub struct HiddenStates {
 impl TransformerEncoder {
     /// Reads a folder whose `config.json` has this `model_type`.
     pub fn load_folder(folder: &Path, model_type: &str, layer: Option<usize>) -> Result<Self> {
-        Self::load_with(folder, model_type, layer, &checkpoint::read(folder)?)
-    }
-
-    /// Like `load_folder`, with weights of the folder that have already been read.
-    pub fn load_with(
-        folder: &Path,
-        model_type: &str,
-        layer: Option<usize>,
-        weights: &Weights,
-    ) -> Result<Self> {
         let config =
             EncoderConfig::from_json(&read_text(&folder.join("config.json"), InputKind::Text)?)?;
         if config.model_type != model_type {
@@ -97,7 +85,7 @@ impl TransformerEncoder {
             // The default of Hugging Face's feature extractor.
             true
         };
-        Self::new(config, weights, normalise, layer)
+        Self::new(config, &checkpoint::read(folder)?, normalise, layer)
     }
 
     pub fn new(
@@ -144,19 +132,6 @@ impl TransformerEncoder {
                 .collect::<Result<_>>()?,
             config,
         })
-    }
-
-    /// Encodes to the mean of all hidden states, weighted by the softmax of `layer_weights`. The
-    /// last of them is the output, normalised in the stable variant, as in Hugging Face's
-    /// transformers 4, with which such models were trained.
-    ///
-    /// # Errors
-    /// `Weights` if that array is missing or has another length.
-    pub fn mixed(mut self, weights: &Weights) -> Result<Self> {
-        let mut shares = weights.values("layer_weights", &[self.layers.len() + 1])?;
-        softmax(&mut shares);
-        self.chosen = Chosen::Mixed(shares);
-        Ok(self)
     }
 
     /// Resamples the features of the convolutions to `fps` frames a second, linearly between
@@ -285,18 +260,6 @@ impl TransformerEncoder {
                 let mut last = Array2::zeros((0, 0));
                 self.run(x, *layer, &mut |state| last = state.to_owned());
                 last
-            }
-            Chosen::Mixed(shares) => {
-                let (last, before) = shares.split_last().expect("a share of the output");
-                let mut before = before.iter();
-                let mut sum: Option<Array2<f32>> = None;
-                let output = self.run(x, self.layers.len(), &mut |state| {
-                    if let Some(share) = before.next() {
-                        let sum = sum.get_or_insert_with(|| Array2::zeros(state.dim()));
-                        sum.scaled_add(*share, state);
-                    }
-                });
-                *last * output + sum.unwrap_or_default()
             }
         }
     }
