@@ -31,7 +31,7 @@ GOLDENS = {
     "emotion_encoder": "training.systems.emoface.golden_emotion_encoder",
     "facetalk_head": "training.systems.facetalk.golden",
     "facetalk_motion": "training.systems.facetalk.golden_motion",
-    "head_topology": "training.head_topology.golden",
+    "head_topology": "training.head.golden_topology",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

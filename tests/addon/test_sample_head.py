@@ -10,8 +10,8 @@ from conftest import ROOT
 
 
 def packed():
-    path = ROOT / "training" / "default_head" / "make_sample.py"
-    spec = importlib.util.spec_from_file_location("make_sample", path)
+    path = ROOT / "training" / "sample_head.py"
+    spec = importlib.util.spec_from_file_location("sample_head", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

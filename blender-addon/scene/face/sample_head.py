@@ -1,7 +1,7 @@
 """The head that comes with Anyface, for artists who have no head at hand.
 
 Its shape is sampled from the USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative
-Technologies, MIT licence; `training/default_head/make_sample.py` packs it.
+Technologies, MIT licence; `training/sample_head.py` packs it.
 """
 
 from pathlib import Path

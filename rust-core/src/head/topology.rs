@@ -1,7 +1,7 @@
 //! A head of clean quads: MakeHuman's topology on ICT's mean face. Its shape follows the
 //! coefficients of the field's identities, and traits of its own.
 //!
-//! Twin of `training/head_topology/shape.py`.
+//! Twin of `training/head/topology.py`.
 
 use std::{ops::Range, path::Path};
 

@@ -4,8 +4,6 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve_triangular
 
-from training.head_topology.quads import Quads
-
 
 def sides(traits: np.ndarray) -> np.ndarray:
     """Splits sliders `[T]` into their amounts to the right and to the left, `[2 T]`."""
@@ -17,7 +15,8 @@ def neighbour_means(faces: np.ndarray, count: int) -> sparse.csr_array:
 
     A mode stores only what each vertex adds to that mean, because this packs smaller.
     """
-    low, high = Quads(faces.astype(int), count).edges.T
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2).astype(int), axis=1)
+    low, high = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0).T
     shares = 1.0 / np.bincount(high, minlength=count)[high]
     return sparse.csr_array((shares, (high, low)), (count, count))
 

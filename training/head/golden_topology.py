@@ -7,7 +7,7 @@ import torch
 
 from training import shipped
 from training.goldens import write_golden
-from training.head_topology.shape import shape
+from training.head.topology import shape
 from training.nn.checkpoint import read_arrays
 
 EVERY = 23

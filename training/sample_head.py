@@ -1,6 +1,6 @@
 """Packs the default head for *Add > Mesh > Anyface Sample Head* of the Blender extension.
 
-    python -m training.default_head.make_sample
+    python -m training.sample_head
 
 reads `weights/shared/default_head/head.obj` and `head.mtl` and writes
 `blender-addon/sample_head.npz`: `positions` `[V, 3]` (integers, micrometres, axes of the file) and
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 HEAD = ROOT / "weights/shared/default_head/head.obj"
 PACKED = ROOT / "blender-addon/sample_head.npz"
 MICROMETRES = 1e6
