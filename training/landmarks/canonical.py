@@ -27,11 +27,6 @@ def from_ict(points_cm: np.ndarray) -> np.ndarray:
     return (points_cm - _origin_cm()) * 0.01
 
 
-def to_ict(points: np.ndarray) -> np.ndarray:
-    """Canonical points, `[..., 3]` metres, to ICT's own centimetres."""
-    return points * 100.0 + _origin_cm()
-
-
 def _origin_cm() -> np.ndarray:
     return np.array(json.loads(CANONICAL.read_text())["ict_origin_cm"])
 

@@ -1,14 +1,10 @@
-"""The metrics of the FreeTalk paper (§4.2), with Rust twins in `tests/eval/src/metrics`, and MTM and SLCC.
+"""The metrics of the FreeTalk paper (§4.2), with Rust twins in `tests/eval/src/metrics`.
 
 Shapes: `P` prediction and `G` truth [T, N, 3], displacements from the neutral face; `lips` and `upper` are
 indices of points. Lengths have the unit of the motion; LVE, EVE, FDD and δM have its square.
-
-MTM and SLCC are those of Chae-Yeon et al., "Perceptually Accurate 3D Talking Head Generation" (CVPR 2025).
 """
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 from scipy.spatial.distance import cdist
 
 NAMES = ("LVE", "EVE", "MVE", "FDD", "DTW", "DFD", "δM", "δCd")
@@ -71,60 +67,6 @@ def best_path(cost: np.ndarray) -> list[tuple[int, int]]:
         path.append((i - 1, j - 1))
         i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda cell: cost[cell])
     return path
-
-
-MISALIGNMENT_SIGMA = 2.0
-"""Sigma in frames of the Gaussian that smooths openings for MTM, as in its authors' code."""
-
-
-def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """Offset in frames, without sign, between paired extrema of the two openings: MTM is the mean.
-
-    `p` and `g` [T] are the opening of the lips, predicted and true, in any unit. Both are smoothed by a
-    Gaussian of 2 frames. Their first differences (0 in frame 0) are aligned by dynamic time warping with the
-    absolute difference as distance. A local maximum of the truth and one of the prediction form a pair if
-    the path joins their frames, unless the prediction's lies beyond a true extremum next to the true one.
-    The same holds for minima. Extrema without a partner do not count. Returns one number for each pair, and
-    an empty array if there are no pairs.
-    """
-    p, g = smooth_opening(p), smooth_opening(g)
-    steps = [np.diff(x, prepend=x[0]) for x in (g, p)]
-    path = best_path(path_costs(np.abs(steps[0][:, None] - steps[1]), np.add))
-    true, predicted = extrema(g), extrema(p)
-    order = [0, *sorted(true), len(g) - 1]
-    place = {frame: k for k, frame in enumerate(order[1:-1], 1)}
-    off = []
-    for i, j in path:
-        if i in true and predicted.get(j) == true[i] and order[place[i] - 1] <= j <= order[place[i] + 1]:
-            off.append(abs(i - j))
-    return np.array(off, np.float64)
-
-
-def smooth_opening(x: np.ndarray) -> np.ndarray:
-    """Smooths an opening [T] by the Gaussian of MTM."""
-    return gaussian_filter1d(np.asarray(x, np.float64), MISALIGNMENT_SIGMA)
-
-
-def extrema(x: np.ndarray) -> dict[int, bool]:
-    """Frames of the local maxima (true) and minima (false) of [T]."""
-    tops, bottoms = (find_peaks(sign * x)[0].tolist() for sign in (1, -1))
-    return dict.fromkeys(tops, True) | dict.fromkeys(bottoms, False)
-
-
-def lip_intensity(x: np.ndarray) -> float:
-    """How much the lips move per frame, in the unit of `x` [T, N, D].
-
-    It is the root mean square over frames of the points' mean step.
-    """
-    return float(np.sqrt(np.square(np.linalg.norm(np.diff(x, axis=0), axis=-1).mean(-1)).mean()))
-
-
-def speech_lip_correlation(lips: np.ndarray, speech: np.ndarray) -> float:
-    """SLCC: Pearson's r of `lip_intensity` and the sound's root mean square, both [clips], of one speaker.
-
-    The paper first scales every speaker's intensities to mean 0 and deviation 1, which does not change r.
-    """
-    return float(np.corrcoef(lips, speech)[0, 1])
 
 
 def cosine_distance(p: np.ndarray, g: np.ndarray) -> float:

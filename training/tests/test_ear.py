@@ -112,3 +112,22 @@ def test_closures_are_met_or_false_where_they_stand():
     assert strangers.count_closures(motion, fps, said).met == 1, "all three pairs have to meet"
     motion[45, 63, 1] = 0.4e-3
     assert (counted + strangers.count_closures(motion, fps, said)).met == 3
+
+
+def test_within_speech_pauses_do_not_count():
+    time = torch.arange(200)
+    level = torch.where(time < 100, -1.0, -12.0)
+    true = torch.where(time < 100, torch.sin(time / 5.0), torch.full((200,), -8.0))
+    other = torch.where(time < 100, torch.cos(time / 5.0), torch.full((200,), -8.0))
+    right = strangers.feature_scores([(true, true, level)])
+    wrong = strangers.feature_scores([(other, true, level)])
+    assert right["speech"] == pytest.approx(1.0, abs=1e-5) and right["slope"] == pytest.approx(1.0)
+    assert wrong["r"] > 0.9 and abs(wrong["speech"]) < 0.1
+
+
+def test_a_line_over_loudness_tells_nothing_beyond_loudness():
+    level = torch.sin(torch.arange(200) / 7.0)
+    true = level + 0.5 * torch.sin(torch.arange(200) / 2.0)
+    scores = strangers.feature_scores([(3.0 * level - 1.0, true, level)])
+    assert scores["r"] > 0.8 and scores["beyond"] == 0.0
+    assert strangers.feature_scores([(torch.ones(200), true, level)])["r"] == 0.0

@@ -14,7 +14,7 @@ from training.engine import Engine
 from training.paper import ablations
 from training.paper.__main__ import page
 from training.paper.figures import attention_in_numbers
-from training.paper.metrics import NAMES, measure
+from training.paper.metrics import NAMES, measure, path_costs
 from training.paper.printed import WHOLE, combinations
 from training.paper.tables import Table, landmark_table, mesh_tables
 from training.systems.freetalk.ats import debug_config, neutral_affect
@@ -138,3 +138,15 @@ def test_what_a_denoiser_lacks_makes_no_difference_to_it(kind):
         assert not torch.equal(run(wide)[last], run(wide, heard=far)[last])
         band = near.config.radius
         assert band < 19 and wide.config.radius >= 19
+
+
+def test_the_cheapest_path_is_that_of_a_loop():
+    between = np.random.default_rng(0).random((7, 5))
+    for joined in (np.add, np.maximum):
+        cost = np.full((8, 6), np.inf)
+        cost[0, 0] = 0.0
+        for i in range(7):
+            for j in range(5):
+                before = min(cost[i, j + 1], cost[i + 1, j], cost[i, j])
+                cost[i + 1, j + 1] = joined(between[i, j], before)
+        np.testing.assert_array_equal(path_costs(between, joined), cost)
