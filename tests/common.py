@@ -33,7 +33,7 @@ def write_wav(path, samples):
 
 
 def find_wheel(folder):
-    """The wheel that `ANYFACE_WHEEL` names; without it `cargo xtask wheel` builds one in `folder`."""
+    """The wheel of `ANYFACE_WHEEL`; without it `cargo xtask wheel` builds one in `folder`."""
     path = os.environ.get("ANYFACE_WHEEL")
     if path:
         return Path(path).resolve()

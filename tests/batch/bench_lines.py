@@ -1,9 +1,10 @@
 """Measures how many lines of speech `anyface batch` does per second, and its memory.
 
-`python tests/batch/bench_lines.py --command target/demo/anyface --lines 10000` makes a head of 26,719
-vertices and lines of 4 s from `../shared/data`. The command writes a table of ARKit weights for
-each line. The script prints lines per second, processor time per line, and the resident memory
-after some of the lines, which shows whether it stays flat. docs/measured/speed.md has the numbers.
+`python tests/batch/bench_lines.py --command target/demo/anyface --lines 10000` makes a head of
+26,719 vertices and lines of 4 s from `../shared/data`. The command writes a table of ARKit
+weights for each line. The script prints lines per second, processor time per line, and the resident
+memory after some of the lines, which shows whether it stays flat. docs/measured/speed.md has the
+numbers.
 The script needs only Python, and Linux.
 """
 
@@ -101,7 +102,8 @@ def run(options: argparse.Namespace, folder: Path) -> None:
     processor = used.children_user + used.children_system
     print(
         f"{options.lines} lines in {seconds:.1f} s, {options.lines / seconds:.2f} a second; "
-        f"{1e3 * processor / options.lines:.1f} ms of processor time a line; exit {process.returncode}"
+        f"{1e3 * processor / options.lines:.1f} ms of processor time a line; "
+        f"exit {process.returncode}"
     )
 
 
