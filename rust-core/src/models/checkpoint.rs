@@ -57,16 +57,17 @@ fn read_pytorch(path: &Path) -> Result<Weights> {
     use super::pickle::read_tensors;
     use crate::{
         Error,
-        job::{Input, InputKind},
+        job::{Input, InputKind, outside::guarded},
     };
 
-    let file = Input::open(path, InputKind::Weights)?;
-    let arrays = read_tensors(file).map_err(|e| {
+    let bad = |e: String| {
         Error::Weights(format!(
             "{}: expected a whole checkpoint of PyTorch 1.6 or later: {e}",
             path.display()
         ))
-    })?;
+    };
+    let file = Input::open(path, InputKind::Weights)?;
+    let arrays = guarded(Error::Weights, || read_tensors(file).map_err(bad))?;
     Ok(Weights::from_arrays(arrays))
 }
 

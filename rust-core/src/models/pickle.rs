@@ -1,17 +1,21 @@
 //! Reads checkpoints that `torch.save` has written since PyTorch 1.6: a zip archive that holds a
 //! pickle and the bytes of its tensors.
 //!
-//! A pickle is a program. This reader knows the few instructions that make tensors and plain
-//! containers. It refuses everything else and names it, and its memory stays in proportion to the
-//! file's size. candle's own reader copies the values that it remembers, so that a file of 633
-//! bytes can fill all memory. It also drops nested values recursively, which overflows the stack.
+//! A pickle is a program. candle runs it and knows only the few instructions that make tensors and
+//! plain containers. But candle copies the values that it remembers, so that a file of 633 bytes
+//! could fill all memory, and it drops nested values recursively, which could overflow the stack.
+//! Therefore [`check`] counts copies and depth before candle reads, and the bytes of tensors are
+//! read here, in proportion to the file's size.
 
 use std::{
     collections::HashMap,
     io::{BufReader, Read},
 };
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{
+    DType, Device, Tensor,
+    pickle::{Object, Stack, TensorInfo},
+};
 use zip::{CompressionMethod, ZipArchive};
 
 use crate::job::Input;
@@ -20,15 +24,29 @@ use crate::job::Input;
 /// instructions.
 const LARGEST_PICKLE: u64 = 16 << 20;
 const MOST_INSTRUCTIONS: usize = 2_000_000;
-/// The most bytes of a name that is copied.
+/// The most bytes that candle may copy. A tensor takes three thousand.
+const MOST_COPIES: usize = 256 << 20;
+/// The deepest nesting of values. A tensor in a dictionary takes six.
+const DEEPEST: usize = 32;
+/// The most bytes of a name.
 const LONGEST_NAME: usize = 256;
-/// The most axes of a tensor.
-const MOST_AXES: usize = 16;
+/// What a pickle of tensors names, besides kinds of storages.
+const NAMES: [&str; 4] = [
+    "collections.OrderedDict",
+    "torch.Size",
+    "torch._utils._rebuild_parameter",
+    "torch._utils._rebuild_tensor_v2",
+];
+/// Kinds of storages. Tensors of whole numbers are left out: no network here has any.
+const KINDS: [&str; 10] = [
+    "BFloat16", "Bool", "Byte", "Char", "Double", "Float", "Half", "Int", "Long", "Short",
+];
 
 /// Name, shape and values of each tensor.
 type Arrays = Vec<(String, (Vec<usize>, Vec<f32>))>;
 
-/// Reads all tensors of floating point numbers from the dictionary in a checkpoint.
+/// Reads all tensors of floating point numbers from the dictionary in a checkpoint. candle panics
+/// where a tensor lacks arguments, so this has to run under [`guarded`](crate::job::outside::guarded).
 ///
 /// # Errors
 /// A message that says what was expected and what the file holds.
@@ -40,27 +58,66 @@ pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
         budget: bytes,
         storages: HashMap::new(),
     };
-    let (prefix, pickle) = archive.pickle()?;
-    let values = Machine::run(&pickle)?;
+    let (folder, pickle) = archive.pickle()?;
     let mut elements = bytes;
     let mut arrays = Vec::new();
-    for (name, tensor) in values.tensors()? {
-        let Some(dtype) = tensor.storage.dtype else {
-            continue;
-        };
-        let count = tensor.elements()?;
+    for info in tensors(&pickle, &folder)? {
+        let shape = info.layout.dims().to_vec();
+        let count = shape
+            .iter()
+            .fold(1, |n: u64, size| n.saturating_mul(*size as u64));
         elements = elements
-            .checked_sub(count as u64)
+            .checked_sub(count)
             .ok_or("expected no more numbers than the file has bytes, got more")?;
-        let storage = archive.storage(&prefix, &tensor.storage, dtype)?;
-        let values = tensor.gather(count, storage)?;
-        arrays.push((name.to_owned(), (tensor.shape.clone(), values)));
+        let values = gather(&info, archive.storage(&info)?, count as usize)?;
+        arrays.push((info.name, (shape, values)));
     }
     if arrays.is_empty() {
         Err("expected a dictionary of tensors, got none".to_owned())
     } else {
         Ok(arrays)
     }
+}
+
+/// The tensors of floating point numbers in a pickle. `folder`: the archive's folder of storages.
+fn tensors(pickle: &[u8], folder: &str) -> Result<Vec<TensorInfo>, String> {
+    check(pickle)?;
+    let mut stack = Stack::empty();
+    let run = stack.read_loop(&mut &pickle[..]);
+    let result = run.and_then(|()| stack.finalize());
+    let Object::Dict(items) = result.map_err(|error| format!("data.pkl: {error}"))? else {
+        return Err("expected a dictionary of tensors, got another value".to_owned());
+    };
+    let infos = items.into_iter().filter_map(|(name, value)| {
+        let info = value.into_tensor_info(name, folder.as_ref()).ok().flatten();
+        info.filter(|info| info.dtype.is_float())
+    });
+    Ok(infos.collect())
+}
+
+/// The `count` numbers of a tensor in row-major order.
+fn gather(info: &TensorInfo, storage: &[f32], count: usize) -> Result<Vec<f32>, String> {
+    let (shape, strides) = (info.layout.dims(), info.layout.stride());
+    // candle counts the offset in bytes.
+    let offset = info.layout.start_offset() / info.dtype.size_in_bytes();
+    let mut places = vec![offset; count.min(1)];
+    for (size, stride) in shape.iter().zip(strides) {
+        let row = |place: &usize| {
+            let place = *place;
+            (0..*size).map(move |step| place.saturating_add(step.saturating_mul(*stride)))
+        };
+        places = places.iter().flat_map(row).collect();
+    }
+    let values: Option<Vec<f32>> = places
+        .iter()
+        .map(|place| storage.get(*place).copied())
+        .collect();
+    values.filter(|values| values.len() == count).ok_or_else(|| {
+        format!(
+            "expected a tensor within its {} numbers, got shape {shape:?}, strides {strides:?}, offset {offset}",
+            storage.len()
+        )
+    })
 }
 
 /// The zip archive around a pickle.
@@ -72,329 +129,153 @@ struct Archive {
 }
 
 impl Archive {
-    /// The prefix of the names in the archive, and the pickle.
+    /// The archive's folder of storages, and the pickle.
     fn pickle(&mut self) -> Result<(String, Vec<u8>), String> {
         let names = self.zip.file_names();
-        let prefixes = names.filter_map(|name| name.strip_suffix("data.pkl"));
-        let prefix = prefixes.min_by_key(|prefix| prefix.len());
-        let prefix = prefix
-            .ok_or("expected data.pkl in it, got none")?
-            .to_owned();
-        let entry = self.zip.by_name(&format!("{prefix}data.pkl"));
-        let entry = entry.map_err(|error| error.to_string())?;
+        let names = names.filter(|name| name.ends_with("data.pkl"));
+        let name = names.min_by_key(|name| name.len());
+        let name = name.ok_or("expected data.pkl in it, got none")?.to_owned();
+        let entry = self.zip.by_name(&name).map_err(|error| error.to_string())?;
         let mut pickle = Vec::new();
         let mut limited = entry.take(LARGEST_PICKLE + 1);
         let read = limited.read_to_end(&mut pickle);
         read.map_err(|error| format!("data.pkl: {error}"))?;
         if pickle.len() as u64 > LARGEST_PICKLE {
-            Err(format!(
+            return Err(format!(
                 "data.pkl: expected at most {LARGEST_PICKLE} bytes, got more"
-            ))
-        } else {
-            Ok((prefix, pickle))
-        }
-    }
-
-    /// All numbers of a storage.
-    fn storage(&mut self, prefix: &str, storage: &Storage, dtype: DType) -> Result<&[f32], String> {
-        if !self.storages.contains_key(&storage.key) {
-            let values = self.read_storage(prefix, storage, dtype)?;
-            self.storages.insert(storage.key.clone(), values);
-        }
-        Ok(&self.storages[&storage.key])
-    }
-
-    fn read_storage(
-        &mut self,
-        prefix: &str,
-        storage: &Storage,
-        dtype: DType,
-    ) -> Result<Vec<f32>, String> {
-        let name = format!("{prefix}data/{}", storage.key);
-        let in_it = |error: String| format!("{name}: {error}");
-        let entry = self.zip.by_name(&name);
-        let mut entry = entry.map_err(|error| in_it(error.to_string()))?;
-        if entry.compression() != CompressionMethod::Stored {
-            return Err(in_it(
-                "expected plain bytes, as torch.save writes them, got compressed ones".into(),
             ));
         }
-        let needed = (storage.numel as u64).saturating_mul(dtype.size_in_bytes() as u64);
-        if entry.size() < needed {
-            return Err(in_it(format!(
-                "expected {needed} bytes, got {}",
-                entry.size()
-            )));
+        Ok((name.trim_end_matches(".pkl").to_owned(), pickle))
+    }
+
+    /// All numbers of a tensor's storage.
+    fn storage(&mut self, info: &TensorInfo) -> Result<&[f32], String> {
+        if !self.storages.contains_key(&info.path) {
+            let values = self.read_storage(info);
+            let values = values.map_err(|error| format!("{}: {error}", info.path))?;
+            self.storages.insert(info.path.clone(), values);
         }
-        self.budget = self
-            .budget
-            .checked_sub(needed)
-            .ok_or_else(|| in_it("expected no more bytes than the file has, got more".into()))?;
+        Ok(&self.storages[&info.path])
+    }
+
+    fn read_storage(&mut self, info: &TensorInfo) -> Result<Vec<f32>, String> {
+        let entry = self.zip.by_name(&info.path);
+        let mut entry = entry.map_err(|error| error.to_string())?;
+        if entry.compression() != CompressionMethod::Stored {
+            return Err(
+                "expected plain bytes, as torch.save writes them, got compressed ones".into(),
+            );
+        }
+        let size = info.dtype.size_in_bytes() as u64;
+        let needed = (info.storage_size as u64).saturating_mul(size);
+        if entry.size() < needed {
+            return Err(format!("expected {needed} bytes, got {}", entry.size()));
+        }
+        let rest = self.budget.checked_sub(needed);
+        self.budget = rest.ok_or("expected no more bytes than the file has, got more")?;
         let mut bytes = vec![0; needed as usize];
         let read = entry.read_exact(&mut bytes);
-        read.map_err(|error| in_it(error.to_string()))?;
-        let tensor = Tensor::from_raw_buffer(&bytes, dtype, &[storage.numel], &Device::Cpu);
+        read.map_err(|error| error.to_string())?;
+        let shape = [info.storage_size];
+        let tensor = Tensor::from_raw_buffer(&bytes, info.dtype, &shape, &Device::Cpu);
         let values = tensor.and_then(|tensor| tensor.to_dtype(DType::F32)?.to_vec1());
-        values.map_err(|error| in_it(error.to_string()))
+        values.map_err(|error| error.to_string())
     }
 }
 
-/// A list of numbers, of which tensors are views.
-#[derive(Debug, Clone)]
-struct Storage {
-    /// `None` if the numbers are not floating point numbers.
-    dtype: Option<DType>,
-    key: String,
-    numel: usize,
+/// What candle holds for a value: how deep it nests, and how many bytes a copy takes.
+#[derive(Clone, Copy, Default)]
+struct Size {
+    depth: usize,
+    bytes: usize,
 }
 
-/// A view of a storage.
-#[derive(Debug)]
-struct View {
-    storage: Storage,
-    offset: usize,
-    shape: Vec<usize>,
-    strides: Vec<usize>,
-}
-
-impl View {
-    /// Number of its elements. Checks that all of them lie in its storage.
-    fn elements(&self) -> Result<usize, String> {
-        let count = self
-            .shape
-            .iter()
-            .try_fold(1_usize, |n, size| n.checked_mul(*size));
-        let wrong = || {
-            format!(
-                "expected a tensor within its {} numbers, got shape {:?}, strides {:?}, offset {}",
-                self.storage.numel, self.shape, self.strides, self.offset
-            )
-        };
-        let count = count.ok_or_else(wrong)?;
-        if count == 0 {
-            return Ok(0);
-        }
-        let ways = self.shape.iter().zip(&self.strides);
-        let last = ways
-            .map(|(size, stride)| (size - 1).checked_mul(*stride))
-            .try_fold(self.offset, |at, way| at.checked_add(way?));
-        let fits = last.is_some_and(|last| last < self.storage.numel);
-        if fits && self.shape.len() == self.strides.len() {
-            Ok(count)
-        } else {
-            Err(wrong())
-        }
-    }
-
-    /// Its numbers in row-major order.
-    fn gather(&self, count: usize, storage: &[f32]) -> Result<Vec<f32>, String> {
-        let mut out = Vec::with_capacity(count);
-        let mut index = vec![0; self.shape.len()];
-        let mut at = self.offset;
-        for _ in 0..count {
-            out.push(
-                *storage
-                    .get(at)
-                    .ok_or("expected a tensor within its storage")?,
-            );
-            for axis in (0..index.len()).rev() {
-                index[axis] += 1;
-                at += self.strides[axis];
-                if index[axis] < self.shape[axis] {
-                    break;
-                }
-                at -= index[axis] * self.strides[axis];
-                index[axis] = 0;
-            }
-        }
-        Ok(out)
-    }
-}
-
-/// Index of a value in the list of all values.
-type Id = usize;
-
-/// A value that a pickle makes. Values refer to each other by index, so that nothing is copied and
-/// nothing nests.
-#[derive(Debug)]
-enum Value {
-    /// None, a Boolean or a floating point number. Tensors need none of these.
-    Plain,
-    Number(i64),
-    Text(String),
-    Global(String),
-    Tuple(Vec<Id>),
-    List(Vec<Id>),
-    Dict(Vec<(Id, Id)>),
-    Storage(Storage),
-    Tensor(View),
-}
-
-/// All values of a pickle.
-struct Values {
-    all: Vec<Value>,
-    result: Id,
-}
-
-impl Values {
-    /// The tensors in the dictionary that the pickle results in, with their names.
-    fn tensors(&self) -> Result<Vec<(&str, &View)>, String> {
-        let Value::Dict(items) = &self.all[self.result] else {
-            return Err("expected a dictionary of tensors, got another value".to_owned());
-        };
-        let named =
-            items
-                .iter()
-                .filter_map(|(key, value)| match (&self.all[*key], &self.all[*value]) {
-                    (Value::Text(name), Value::Tensor(view)) => Some((name.as_str(), view)),
-                    _ => None,
-                });
-        Ok(named.collect())
-    }
-}
-
-/// Runs a pickle.
-struct Machine<'a> {
+/// Follows a pickle without making its values.
+struct Scan<'a> {
     rest: &'a [u8],
-    values: Vec<Value>,
-    stack: Vec<Id>,
-    /// Height of the stack at each mark.
-    marks: Vec<usize>,
-    memo: HashMap<u32, Id>,
+    /// `None` is a mark.
+    stack: Vec<Option<Size>>,
+    memo: HashMap<u32, Size>,
+    copies: usize,
 }
 
-impl<'a> Machine<'a> {
-    fn run(pickle: &'a [u8]) -> Result<Values, String> {
-        let mut machine = Machine {
-            rest: pickle,
-            values: Vec::new(),
-            stack: Vec::new(),
-            marks: Vec::new(),
-            memo: HashMap::new(),
-        };
-        for _ in 0..MOST_INSTRUCTIONS {
-            let at = pickle.len() - machine.rest.len();
-            let in_it = |error: String| format!("data.pkl, byte {at}: {error}");
-            if machine.step().map_err(in_it)? {
-                let result = machine.pop().map_err(in_it)?;
-                return Ok(Values {
-                    all: machine.values,
-                    result,
-                });
-            }
+/// Checks that candle can run a pickle within limits of memory and depth.
+///
+/// # Errors
+/// The place of an instruction, what was expected there and what the pickle has.
+fn check(pickle: &[u8]) -> Result<(), String> {
+    let mut scan = Scan {
+        rest: pickle,
+        stack: Vec::new(),
+        memo: HashMap::new(),
+        copies: 0,
+    };
+    for _ in 0..MOST_INSTRUCTIONS {
+        let at = pickle.len() - scan.rest.len();
+        let step = scan.step();
+        if step.map_err(|error| format!("data.pkl, byte {at}: {error}"))? {
+            return Ok(());
         }
-        Err(format!(
-            "data.pkl: expected at most {MOST_INSTRUCTIONS} instructions, got more"
-        ))
     }
+    Err(format!(
+        "data.pkl: expected at most {MOST_INSTRUCTIONS} instructions, got more"
+    ))
+}
 
-    /// Runs one instruction. Returns whether it was the last.
-    ///
-    /// Each arm runs instructions that `torch.save` writes, identified by their bytes in Python's
-    /// `pickletools`. Any other instruction is refused.
+impl<'a> Scan<'a> {
+    /// Follows one instruction, identified by its byte in Python's `pickletools`. Returns whether it
+    /// was the last.
     fn step(&mut self) -> Result<bool, String> {
-        match self.byte()? {
+        match self.take(1)?[0] {
             b'.' => return Ok(true),
-            // Protocol; frame.
+            // The protocol.
             0x80 => drop(self.take(1)?),
-            0x95 => drop(self.take(8)?),
-            b'N' | 0x88 | 0x89 => self.push(Value::Plain),
-            b'G' => {
-                self.take(8)?;
-                self.push(Value::Plain);
-            }
-            b'K' => {
-                let number = i64::from(self.byte()?);
-                self.push(Value::Number(number));
-            }
-            b'M' => {
-                let number = u16::from_le_bytes(self.array()?);
-                self.push(Value::Number(number.into()));
-            }
-            b'J' => {
-                let number = i32::from_le_bytes(self.array()?);
-                self.push(Value::Number(number.into()));
-            }
-            0x8a => {
-                let number = self.long()?;
-                self.push(Value::Number(number));
-            }
+            b'(' => self.stack.push(None),
+            b'N' | 0x88 | 0x89 | b'}' | b']' | b')' => self.leaf(0)?,
+            b'K' => self.leaf(1)?,
+            b'M' => self.leaf(2)?,
+            b'J' => self.leaf(4)?,
+            b'G' => self.leaf(8)?,
+            0x8a => match self.number(1)? {
+                bytes @ 0..=8 => self.leaf(bytes)?,
+                bytes => {
+                    return Err(format!(
+                        "expected an integer of at most 8 bytes, got {bytes}"
+                    ));
+                }
+            },
             b'X' => {
-                let length = u32::from_le_bytes(self.array()?);
-                self.text(length as usize)?;
+                let bytes = self.number(4)?;
+                self.leaf(bytes)?;
             }
-            0x8c => {
-                let length = self.byte()?;
-                self.text(length.into())?;
-            }
-            b'c' => {
-                let (module, name) = (self.line()?, self.line()?);
-                self.push(Value::Global(global(module, name)?));
-            }
-            0x93 => {
-                let (name, module) = (self.pop()?, self.pop()?);
-                let name = global(self.text_of(module)?, self.text_of(name)?)?;
-                self.push(Value::Global(name));
-            }
-            b'(' => self.marks.push(self.stack.len()),
-            b'}' => self.push(Value::Dict(Vec::new())),
-            b']' => self.push(Value::List(Vec::new())),
-            b')' => self.push(Value::Tuple(Vec::new())),
+            b'c' => self.name()?,
+            b'Q' => self.wrap(1)?,
+            b'R' | b'b' => self.wrap(2)?,
+            code @ 0x85..=0x87 => self.wrap(usize::from(code - 0x84))?,
             b't' => {
-                let items = self.pop_to_mark()?;
-                self.push(Value::Tuple(items));
+                let count = self.above_mark()?;
+                self.wrap(count)?;
             }
-            code @ 0x85..=0x87 => {
-                let items = self.pop_many(usize::from(code - 0x84))?;
-                self.push(Value::Tuple(items));
+            b'a' => self.add(1)?,
+            b's' => self.add(2)?,
+            b'e' | b'u' => {
+                let count = self.above_mark()?;
+                self.add(count)?;
             }
-            b'a' => {
-                let item = self.pop()?;
-                self.append(vec![item])?;
+            code @ (b'q' | b'r') => {
+                let place = self.number(if code == b'q' { 1 } else { 4 })?;
+                let size = *self.top()?;
+                self.copy(size)?;
+                self.memo.insert(place as u32, size);
             }
-            b'e' => {
-                let items = self.pop_to_mark()?;
-                self.append(items)?;
+            code @ (b'h' | b'j') => {
+                let place = self.number(if code == b'h' { 1 } else { 4 })?;
+                let size = self.memo.get(&(place as u32)).copied();
+                let size = size
+                    .ok_or_else(|| format!("expected a value at {place} of the memo, got none"))?;
+                self.copy(size)?;
+                self.stack.push(Some(size));
             }
-            b's' => {
-                let items = self.pop_many(2)?;
-                self.set_items(&items)?;
-            }
-            b'u' => {
-                let items = self.pop_to_mark()?;
-                self.set_items(&items)?;
-            }
-            b'q' => {
-                let place = self.byte()?;
-                self.remember(place.into())?;
-            }
-            b'r' => {
-                let place = u32::from_le_bytes(self.array()?);
-                self.remember(place)?;
-            }
-            0x94 => {
-                let place = self.memo.len();
-                self.remember(u32::try_from(place).map_err(|error| error.to_string())?)?;
-            }
-            b'h' => {
-                let place = self.byte()?;
-                self.recall(place.into())?;
-            }
-            b'j' => {
-                let place = u32::from_le_bytes(self.array()?);
-                self.recall(place)?;
-            }
-            b'Q' => {
-                let id = self.pop()?;
-                let storage = self.storage(id)?;
-                self.push(Value::Storage(storage));
-            }
-            b'R' => {
-                let (arguments, function) = (self.pop()?, self.pop()?);
-                self.call(function, arguments)?;
-            }
-            // The state of an object. For an ordered dictionary this is metadata, which is dropped.
-            b'b' => drop(self.pop()?),
             other => {
                 return Err(format!(
                     "expected an instruction that torch.save writes, got {other:#04x}"
@@ -413,216 +294,108 @@ impl<'a> Machine<'a> {
         Ok(bytes)
     }
 
-    fn byte(&mut self) -> Result<u8, String> {
-        Ok(self.take(1)?[0])
+    /// A number of one or four bytes.
+    fn number(&mut self, bytes: usize) -> Result<usize, String> {
+        let bytes = self.take(bytes)?.iter().rev();
+        Ok(bytes.fold(0, |number, byte| number << 8 | usize::from(*byte)))
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        let bytes = self.take(N)?;
-        Ok(bytes.try_into().expect("as many bytes as were asked for"))
-    }
-
-    /// An integer of up to eight bytes.
-    fn long(&mut self) -> Result<i64, String> {
-        let length = self.byte()?;
-        let bytes = self.take(length.into())?;
-        if bytes.len() > 8 {
-            return Err(format!(
-                "expected an integer of at most 8 bytes, got {length}"
-            ));
-        }
-        let sign = bytes.last().is_some_and(|byte| *byte >= 0x80);
-        let mut whole = [if sign { 0xff } else { 0 }; 8];
-        whole[..bytes.len()].copy_from_slice(bytes);
-        Ok(i64::from_le_bytes(whole))
-    }
-
-    fn text(&mut self, length: usize) -> Result<(), String> {
-        let bytes = self.take(length)?;
-        let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
-        self.push(Value::Text(text.to_owned()));
+    /// Pushes a value that holds no others and has this many bytes in the pickle.
+    fn leaf(&mut self, bytes: usize) -> Result<(), String> {
+        self.take(bytes)?;
+        let bytes = size_of::<Object>() + bytes;
+        self.stack.push(Some(Size { depth: 0, bytes }));
         Ok(())
     }
 
+    /// Pushes a class or function, if a pickle of tensors may name it.
+    fn name(&mut self) -> Result<(), String> {
+        let (module, class) = (self.line()?, self.line()?);
+        let kind = class.strip_suffix("Storage");
+        let name = format!("{module}.{class}");
+        if module == "torch" && kind.is_some_and(|kind| KINDS.contains(&kind))
+            || NAMES.contains(&&*name)
+        {
+            self.stack.push(Some(Size {
+                depth: 0,
+                bytes: size_of::<Object>() + name.len(),
+            }));
+            Ok(())
+        } else {
+            Err(format!("expected tensors and plain containers, got {name}"))
+        }
+    }
+
     fn line(&mut self) -> Result<&'a str, String> {
-        let end = self.rest.iter().position(|byte| *byte == b'\n');
-        let line = self.take(end.ok_or("expected the end of a line, got none")?)?;
+        let until = self.rest.len().min(LONGEST_NAME);
+        let end = self.rest[..until].iter().position(|byte| *byte == b'\n');
+        let end = end.ok_or_else(|| {
+            format!("expected a name of at most {LONGEST_NAME} letters, got more")
+        })?;
+        let line = self.take(end)?;
         self.take(1)?;
         str::from_utf8(line).map_err(|error| error.to_string())
     }
 
-    fn push(&mut self, value: Value) {
-        self.stack.push(self.values.len());
-        self.values.push(value);
-    }
-
-    fn pop(&mut self) -> Result<Id, String> {
-        let above_mark = self.stack.len() > self.marks.last().copied().unwrap_or_default();
-        let top = self.stack.pop().filter(|_| above_mark);
+    fn top(&mut self) -> Result<&mut Size, String> {
+        let top = self.stack.last_mut().and_then(Option::as_mut);
         top.ok_or_else(|| "expected a value on the stack, got none".to_owned())
     }
 
-    fn pop_many(&mut self, count: usize) -> Result<Vec<Id>, String> {
-        let mut items = (0..count)
-            .map(|_| self.pop())
-            .collect::<Result<Vec<_>, _>>()?;
-        items.reverse();
-        Ok(items)
+    /// Removes the topmost mark and returns how many values stood above it.
+    fn above_mark(&mut self) -> Result<usize, String> {
+        let mark = self.stack.iter().rposition(Option::is_none);
+        let mark = mark.ok_or("expected a mark, got none")?;
+        self.stack.remove(mark);
+        Ok(self.stack.len() - mark)
     }
 
-    fn pop_to_mark(&mut self) -> Result<Vec<Id>, String> {
-        let mark = self.marks.pop().ok_or("expected a mark, got none")?;
-        Ok(self.stack.split_off(mark.min(self.stack.len())))
-    }
-
-    fn top(&self) -> Result<Id, String> {
-        let top = self.stack.last().copied();
-        top.ok_or_else(|| "expected a value on the stack, got none".to_owned())
-    }
-
-    fn append(&mut self, items: Vec<Id>) -> Result<(), String> {
-        let list = self.top()?;
-        match &mut self.values[list] {
-            Value::List(all) => {
-                all.extend(items);
-                Ok(())
-            }
-            _ => Err("expected a list, got another value".to_owned()),
+    /// Takes values from the stack. Returns the size of a container of them.
+    fn pop(&mut self, count: usize) -> Result<Size, String> {
+        let mut whole = Size {
+            depth: 1,
+            bytes: size_of::<Object>(),
+        };
+        for _ in 0..count {
+            let size = *self.top()?;
+            self.stack.pop();
+            whole.depth = whole.depth.max(size.depth + 1);
+            whole.bytes += size.bytes;
         }
-    }
-
-    fn set_items(&mut self, items: &[Id]) -> Result<(), String> {
-        let dict = self.top()?;
-        match (&mut self.values[dict], items.len() % 2) {
-            (Value::Dict(all), 0) => {
-                all.extend(items.chunks(2).map(|pair| (pair[0], pair[1])));
-                Ok(())
-            }
-            _ => Err("expected a dictionary and pairs, got other values".to_owned()),
-        }
-    }
-
-    fn remember(&mut self, place: u32) -> Result<(), String> {
-        let top = self.top()?;
-        self.memo.insert(place, top);
-        Ok(())
-    }
-
-    fn recall(&mut self, place: u32) -> Result<(), String> {
-        let id = self.memo.get(&place).copied();
-        let id = id.ok_or_else(|| format!("expected a value at {place} of the memo, got none"))?;
-        self.stack.push(id);
-        Ok(())
-    }
-
-    fn text_of(&self, id: Id) -> Result<&str, String> {
-        match &self.values[id] {
-            Value::Text(text) => Ok(text),
-            _ => Err("expected a text, got another value".to_owned()),
-        }
-    }
-
-    fn tuple_of(&self, id: Id) -> Result<&[Id], String> {
-        match &self.values[id] {
-            Value::Tuple(items) => Ok(items),
-            _ => Err("expected a tuple, got another value".to_owned()),
-        }
-    }
-
-    fn size_of(&self, id: Id) -> Result<usize, String> {
-        match self.values[id] {
-            Value::Number(number) => usize::try_from(number).ok(),
-            _ => None,
-        }
-        .ok_or_else(|| "expected a size, got another value".to_owned())
-    }
-
-    fn sizes_of(&self, id: Id) -> Result<Vec<usize>, String> {
-        let items = self.tuple_of(id)?;
-        if items.len() > MOST_AXES {
+        if whole.depth > DEEPEST {
             Err(format!(
-                "expected at most {MOST_AXES} axes, got {}",
-                items.len()
+                "expected values in at most {DEEPEST} others, got more"
             ))
         } else {
-            items.iter().map(|item| self.size_of(*item)).collect()
+            Ok(whole)
         }
     }
 
-    /// Reads the tuple `("storage", torch.FloatStorage, key, device, numel)`.
-    fn storage(&self, id: Id) -> Result<Storage, String> {
-        let &[_, kind, key, _, numel] = self.tuple_of(id)? else {
-            return Err("expected a storage of five values, got another number".to_owned());
-        };
-        let Value::Global(kind) = &self.values[kind] else {
-            return Err("expected a kind of storage, got another value".to_owned());
-        };
-        Ok(Storage {
-            dtype: dtype(kind)?,
-            key: short(self.text_of(key)?)?.to_owned(),
-            numel: self.size_of(numel)?,
-        })
-    }
-
-    fn call(&mut self, function: Id, arguments: Id) -> Result<(), String> {
-        let Value::Global(name) = &self.values[function] else {
-            return Err("expected the name of a function, got another value".to_owned());
-        };
-        let items = self.tuple_of(arguments)?;
-        let value = match (name.as_str(), items) {
-            ("collections.OrderedDict", _) => Value::Dict(Vec::new()),
-            ("torch._utils._rebuild_tensor_v2", &[storage, offset, shape, strides, ..]) => {
-                let Value::Storage(storage) = &self.values[storage] else {
-                    return Err("expected a storage, got another value".to_owned());
-                };
-                Value::Tensor(View {
-                    storage: storage.clone(),
-                    offset: self.size_of(offset)?,
-                    shape: self.sizes_of(shape)?,
-                    strides: self.sizes_of(strides)?,
-                })
-            }
-            ("torch.Size", &[same]) | ("torch._utils._rebuild_parameter", &[same, ..]) => {
-                self.stack.push(same);
-                return Ok(());
-            }
-            (other, _) => {
-                return Err(format!(
-                    "expected tensors and plain containers, got {other}"
-                ));
-            }
-        };
-        self.push(value);
+    /// Makes one value of several.
+    fn wrap(&mut self, count: usize) -> Result<(), String> {
+        let whole = self.pop(count)?;
+        self.stack.push(Some(whole));
         Ok(())
     }
-}
 
-/// The full name of a class or function.
-fn global(module: &str, name: &str) -> Result<String, String> {
-    Ok(format!("{}.{}", short(module)?, short(name)?))
-}
-
-fn short(name: &str) -> Result<&str, String> {
-    if name.len() > LONGEST_NAME {
-        Err(format!(
-            "expected a name of at most {LONGEST_NAME} letters, got {}",
-            name.len()
-        ))
-    } else {
-        Ok(name)
+    /// Puts values into the container below them.
+    fn add(&mut self, count: usize) -> Result<(), String> {
+        let items = self.pop(count)?;
+        let container = self.top()?;
+        container.depth = container.depth.max(items.depth);
+        container.bytes += items.bytes;
+        Ok(())
     }
-}
 
-/// Type of the numbers in a kind of storage; `None` if they are not floating point numbers.
-fn dtype(kind: &str) -> Result<Option<DType>, String> {
-    match kind {
-        "torch.FloatStorage" => Ok(Some(DType::F32)),
-        "torch.DoubleStorage" => Ok(Some(DType::F64)),
-        "torch.HalfStorage" => Ok(Some(DType::F16)),
-        "torch.BFloat16Storage" => Ok(Some(DType::BF16)),
-        "torch.LongStorage" | "torch.IntStorage" | "torch.ShortStorage" | "torch.CharStorage"
-        | "torch.ByteStorage" | "torch.BoolStorage" => Ok(None),
-        other => Err(format!("expected a storage of numbers, got {other}")),
+    fn copy(&mut self, size: Size) -> Result<(), String> {
+        self.copies = self.copies.saturating_add(size.bytes);
+        if self.copies > MOST_COPIES {
+            Err(format!(
+                "expected at most {MOST_COPIES} bytes of values that are used again, got more"
+            ))
+        } else {
+            Ok(())
+        }
     }
 }
 
