@@ -3,6 +3,7 @@
 import bpy
 from bpy.types import Operator
 
+from ..core import microphone
 from ..core.errors import AnyfaceError
 from ..core.job import Work
 from ..scene import bake, live, outputs
@@ -31,6 +32,8 @@ Only what you record is kept"""
         ob = target(context)
         if ob is not None and live.listens(ob):
             return ""
+        if reason := microphone.why_missing():
+            return f"This package of Anyface hears no microphone: {reason}"
         plays = "The face plays a take: remove it first" if outputs.has_take(ob) else ""
         return super().why_not(context) or plays
 

@@ -49,11 +49,14 @@ impl Demo {
         let build = steps.start(extension::BUILD, &mut extension::library_build(PROFILE))?;
         apt::ensure(&mut steps, &["ffmpeg", "flite", "espeak-ng"])?;
         apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
+        apt::ensure(&mut steps, apt::SOUND)?;
         let python = Venv::Blender.ensure(&mut steps)?;
         std::fs::create_dir_all(&self.out)?;
         let out = self.out.canonicalize()?;
         let audio = self.voice(&mut steps, &out)?;
         steps.join(build)?;
+        let mut build = extension::microphone_build(PROFILE);
+        steps.run("build the microphone library", &mut build)?;
         let zip = extension::default_zip();
         extension::build_zip(&mut steps, &extension::library_of(PROFILE)?, &zip)?;
         let blend = out.join(BLEND);

@@ -85,8 +85,7 @@ pub const BUILD: &str = "build the native library";
 /// all packages that it builds together, so a build of the library alone would compile every
 /// dependency again.
 pub fn library_build(profile: &str) -> Command {
-    let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-    build.args(["build", "--profile", profile]);
+    let mut build = cargo_build(profile);
     match profile {
         "dev" => build.args(["--workspace", "--lib", "--bins", "--tests"]),
         "release" => build
@@ -94,6 +93,19 @@ pub fn library_build(profile: &str) -> Command {
             .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags()),
         _ => build.args(["-p", "anyface-capi"]),
     };
+    build
+}
+
+/// The command that builds the microphone library alone, which needs the packages `apt::SOUND`.
+pub fn microphone_build(profile: &str) -> Command {
+    let mut build = cargo_build(profile);
+    build.args(["-p", "anyface-microphone"]);
+    build
+}
+
+fn cargo_build(profile: &str) -> Command {
+    let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+    build.args(["build", "--profile", profile]);
     build.current_dir(machine::root());
     build
 }
@@ -224,7 +236,8 @@ pub fn extension_tool() -> Option<PathBuf> {
     tools.pop()
 }
 
-fn copy_folder(from: &Path, to: &Path) -> Result<()> {
+/// Copies a folder, without what is no part of a package.
+pub fn copy_folder(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to)?;
     for entry in fs::read_dir(from).with_context(|| format!("reading {}", from.display()))? {
         let entry = entry?;

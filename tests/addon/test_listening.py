@@ -266,3 +266,14 @@ def test_the_library_of_the_microphone_is_there_and_refuses_what_is_none(addon):
     assert all(isinstance(name, str) for name in microphone.devices())
     with pytest.raises(addon("core.errors").AnyfaceError, match="microphone: expected"):
         microphone.Microphone("a device that nobody has")
+
+
+def test_without_the_library_the_button_is_grey_and_says_what_is_missing(addon, room, monkeypatch):
+    microphone = addon("core.microphone")
+    bpy.ops.anyface.add_sample_head()
+    listen = addon("ui.listening").ANYFACE_OT_listen
+    assert listen.poll(bpy.context)
+    place = Path("/nowhere/libanyface_microphone.so")
+    monkeypatch.setattr(microphone, "path", lambda: place)
+    assert not listen.poll(bpy.context)
+    assert f"expected {place.name} in {place.parent}" in listen.why_not(bpy.context)
