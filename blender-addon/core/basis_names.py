@@ -144,8 +144,10 @@ def _of_tongue(weights: np.ndarray, tongue) -> dict[str, np.ndarray]:
 def _amount(moved: np.ndarray, control: str) -> np.ndarray:
     """How far each vector moves a control, `[K]`, in distances between the eyes."""
     number = {name: n for n, name in enumerate(_REGIONS)}
-    parts = CONTROLS[control].items()
-    return sum(moved[:, number[r], "xyz".index(axis)] * share for (r, axis), share in parts)
+    amount = np.zeros(len(moved))
+    for (region, axis), share in CONTROLS[control].items():
+        amount += moved[:, number[region], "xyz".index(axis)] * share
+    return amount
 
 
 def _way(
@@ -163,7 +165,8 @@ def _way(
     faint = _FAINT * np.eye(count)
     steps = np.concatenate([np.diff(weights, axis=0), faint])
     gram = steps.T @ steps
-    left, directions = np.eye(count), {}
+    left = np.eye(count)
+    directions: dict[str, np.ndarray] = {}
 
     def take(names: list[str]) -> np.ndarray:
         """Removes from `left` all motion that goes along with the controls `names`, at once."""
@@ -251,7 +254,8 @@ def _weights(positions: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 
 def _numbered(labels: list[str]) -> list[str]:
     """The labels, with a number from the second of a kind on: jaw, jaw 2."""
-    numbered, counts = [], {}
+    numbered: list[str] = []
+    counts: dict[str, int] = {}
     for label in labels:
         counts[label] = counts.get(label, 0) + 1
         numbered.append(label if counts[label] == 1 else f"{label} {counts[label]}")

@@ -1,8 +1,10 @@
 """Calls the native library, frees its handles and turns its failures into errors."""
 
 import json
+from collections.abc import Callable
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_float, c_void_p, string_at
+from ctypes import CDLL, POINTER, byref, c_float, c_void_p, string_at
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,21 @@ _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file",
 
 class Calls:
     """The calls of `self._library` that every part of the binding shares."""
+
+    _library: CDLL
+    _handle: c_void_p | None
+    # Parts of the binding call these of one another; `native.Engine` joins them.
+    _audio: Callable[..., Any]
+    _face: Callable[..., Any]
+    _face_request: Callable[..., Any]
+    _found_face: Callable[..., Any]
+    _life: Callable[..., Any]
+    _mesh: Callable[..., Any]
+    _motion: Callable[..., Any]
+    _shape_weights: Callable[..., Any]
+    _sliders_offered: tuple[str, ...]
+    _spoken: Callable[..., Any]
+    _watch: Callable[..., Any]
 
     def _own(self, handles: ExitStack, noun: str, function: str, *arguments):
         handle = self._make(function, *arguments)

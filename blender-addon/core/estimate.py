@@ -66,7 +66,7 @@ def in_words(cost: Cost, job: Asked, known: bool) -> str:
     return f"{job.frames} frames, about {_bytes(cost.size)} {where}, {seconds}"
 
 
-def _bytes(size: int) -> str:
+def _bytes(size: float) -> str:
     for unit in ("B", "kB", "MB"):
         if size < 1000:
             return f"{size:.0f} {unit}"

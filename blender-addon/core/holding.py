@@ -1,6 +1,7 @@
 """Holds poses, as in drawn and stop-motion animation: on twos, threes, fours."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def hold(take: Take, holds: Holds) -> bool:
     Does nothing and returns False if the take has neither. Sliders change the held poses. Head and
     eyes are held with the poses.
     """
-    motion = take.motion
+    motion: Any = take.motion
     is_rig = isinstance(motion, ControlMotion)
     if not is_rig and getattr(motion, "weights", None) is None:
         return False

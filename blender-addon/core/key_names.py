@@ -53,7 +53,7 @@ def pairs(preset: str, keys: list[str]) -> list[Pair]:
 
 def guess(keys: list[str]) -> tuple[str, list[Pair]]:
     """The list that names the most `keys`, and its pairs; ("", []) if no list fits."""
-    best = "", []
+    best: tuple[str, list[Pair]] = "", []
     for preset in presets():
         matches = pairs(preset, keys)
         fewest = 1 if preset in (ARKIT, OCULUS) else _FEWEST

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 
 class LazyEngine:
@@ -14,7 +15,7 @@ class LazyEngine:
 
     def __init__(self, load: Callable[[], object], models: Path | None = None):
         self._load, self.models = load, models
-        self._engine = None
+        self._engine: Any = None
         self._lock = threading.Lock()
 
     @property

@@ -43,4 +43,4 @@ def load(path: Path) -> ctypes.CDLL:
 def texts(function: Callable[[int], bytes | None]) -> list[str]:
     """The texts that a function of the library returns for 0, 1, 2, …, until it returns none."""
     entries = takewhile(lambda text: text is not None, map(function, count()))
-    return [text.decode() for text in entries]
+    return [text.decode() for text in entries if text is not None]

@@ -4,6 +4,7 @@ The result goes into the report of a shot, for the page of a batch.
 """
 
 import base64
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def pictures(face: FaceMesh, take: Take) -> list[str]:
     The lips are farthest apart in one, nearest between two openings in another; in the third most
     of the face moves.
     """
-    motion = take.motion
+    motion: Any = take.motion
     if getattr(motion, "vectors", None) is None or take.life is None:
         return []
     count = face.pieces[0].count if face.pieces else len(face.positions)
@@ -102,7 +103,7 @@ def pictures(face: FaceMesh, take: Take) -> list[str]:
 
 def _rows(take: Take) -> list[int]:
     """The frames that are drawn, the one with the widest lips first."""
-    motion = take.motion
+    motion: Any = take.motion
     moves = (
         motion.weights
         if motion.weights is not None

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .job import Progress
-from .take import Frames, Motion, Piece, Take
+from .take import Frames, Piece, Take
 
 # The number of vertices that are measured at a time.
 _BLOCK = 256
@@ -18,7 +18,7 @@ def largest(take: Take, pieces: list[Piece], progress: Progress) -> list[float]:
     return [take.largest_mm * each / max(*largest_of, 1e-20) for each in largest_of]
 
 
-def _largest(motion: Motion, rows: slice, progress: Progress) -> float:
+def _largest(motion, rows: slice, progress: Progress) -> float:
     """The largest displacement of the vertices `rows` in any frame, object units."""
     if isinstance(motion, Frames):
         frames = motion.displacements

@@ -52,7 +52,7 @@ def guess(kind: str, names: list[str]) -> dict[str, str]:
     A name of one letter means that letter of the chart if most letters of the chart are there.
     Then "e" is Rhubarb's E, but in a set of vowels it is the wide mouth.
     """
-    read = {}
+    read: dict[str, str] = {}
     for name in names:
         read.setdefault(_plain(name), name)
     objects: dict[str, str] = {}
@@ -86,7 +86,7 @@ def complete(kind: str, drawings: dict[str, object], where: str) -> dict[str, ob
     """
     shown, missing = {}, []
     for mouth in MOUTHS[kind]:
-        drawing = drawings.get(mouth, drawings.get(STAND_INS[kind].get(mouth)))
+        drawing = drawings.get(mouth, drawings.get(STAND_INS[kind].get(mouth, "")))
         if drawing is not None:
             shown[mouth] = drawing
         elif mouth not in STAND_INS[kind] or STAND_INS[kind][mouth] not in missing:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from . import sparse, systems
-from .calls import Calls
 from .errors import AnyfaceError
 from .heard_emotion import HeardEmotion
 from .job import Progress
@@ -45,7 +44,6 @@ _FLOATS, _DOUBLES, _INDICES = POINTER(c_float), POINTER(c_double), POINTER(c_uin
 
 
 class Engine(
-    Calls,
     BasisCalls,
     CurveCalls,
     EventCalls,
@@ -320,8 +318,8 @@ class Engine(
         self._call("anyface_face_copy_landmarks", face, *buffers)
         roles = np.empty(self._library.anyface_face_part_count(face), dtype=np.int32)
         owners = np.empty(vertex_count, dtype=np.uint32)
-        buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
-        self._call("anyface_face_copy_parts", face, *buffers)
+        parts = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
+        self._call("anyface_face_copy_parts", face, *parts)
         return Found(places, vertices, sure, self._mouth(face), roles, owners, self._lids(face))
 
     def _mouth(self, face) -> str:

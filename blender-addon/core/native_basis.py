@@ -5,6 +5,7 @@ from ctypes import POINTER, c_float
 import numpy as np
 
 from . import layers
+from .calls import Calls
 from .sliders import ALL, SliderChange
 from .take import Basis
 
@@ -13,14 +14,14 @@ MAX_VECTORS = 256
 _FLOATS = POINTER(c_float)
 
 
-class BasisCalls:
+class BasisCalls(Calls):
     """The calls of `native.Engine` for bases and their sliders."""
 
     def _layers(self, handles, results, limit: float, watch) -> Basis:
         """One basis of speech and of what emotion adds to it; each may err by half of `limit`."""
         face, motion, clip = results
-        arguments = (self._handle, motion, watch.handle)
-        content = self._own(handles, "motion", "anyface_motion_new_content", *arguments)
+        speech = (self._handle, motion, watch.handle)
+        content = self._own(handles, "motion", "anyface_motion_new_content", *speech)
         arguments = (self._handle, face, content, watch.handle)
         spoken = self._own(handles, "clip", "anyface_clip_new", *arguments)
         said = self._basis(handles, (face, content, spoken), 0.5 * limit, watch)
@@ -33,8 +34,10 @@ class BasisCalls:
 
         `limit` and the basis' error are in mesh units here.
         """
-        basis, handle = self._vectors(handles, results[-1], limit, watch)
-        basis.sliders = self._sliders(handles, *results, handle, basis.weights.shape, watch)
+        face, motion, clip = results
+        basis, handle = self._vectors(handles, clip, limit, watch)
+        shape = basis.weights.shape
+        basis.sliders = self._sliders(handles, face, motion, clip, handle, shape, watch)
         basis.offered = self._sliders_offered
         return basis
 

@@ -5,13 +5,14 @@ from ctypes import POINTER, c_float, c_uint32, c_void_p
 
 import numpy as np
 
+from .calls import Calls
 from .job import Progress
 from .take import CurveKeys
 
 _FLOATS, _ROWS = POINTER(c_float), POINTER(c_uint32)
 
 
-class CurveCalls:
+class CurveCalls(Calls):
     """The calls of `native.Engine` for curves."""
 
     def few_keys(

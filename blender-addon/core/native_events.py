@@ -9,13 +9,14 @@ from dataclasses import asdict
 
 import numpy as np
 
+from .calls import Calls
 from .events import Event, shortened
 from .take import ShapeWeights
 
 _FLOATS = POINTER(c_float)
 
 
-class EventCalls:
+class EventCalls(Calls):
     """The calls of `native.Engine` for events, and for weights that the system makes itself."""
 
     def _events_json(self, events: list[Event]) -> str:
@@ -57,5 +58,7 @@ class EventCalls:
 def _named(note: str, events: list[Event]) -> str:
     """Puts the event's name for its number, counted from 1, into a sentence of the library."""
     match = re.match(r"event (\d+) \(.*?\)", note)
-    name = events[int(match[1]) - 1].name if match else ""
+    if match is None:
+        return note
+    name = events[int(match[1]) - 1].name
     return f"the event {name}{note[match.end() :]}" if name else note

@@ -41,7 +41,7 @@ class MadeHead:
     landmark_vertices: np.ndarray
 
 
-class HeadCalls:
+class HeadCalls(Calls):
     """The calls of `native.Engine` for heads."""
 
     def head_like(
@@ -96,7 +96,7 @@ class HeadCalls:
         return head_made
 
 
-class Heads(Calls, HeadCalls):
+class Heads(HeadCalls):
     """The model of heads. It loads no model of speech."""
 
     def __init__(self):

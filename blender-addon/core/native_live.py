@@ -6,6 +6,7 @@ from ctypes import POINTER, byref, c_float, c_size_t, c_void_p
 
 import numpy as np
 
+from .calls import Calls
 from .errors import AnyfaceError
 from .job import Progress
 from .microphone import Microphone
@@ -22,7 +23,7 @@ _MOST_AHEAD = 100
 _FLOATS = POINTER(c_float)
 
 
-class LiveCalls:
+class LiveCalls(Calls):
     """The calls of `native.Engine` for faces that follow a voice."""
 
     def live(

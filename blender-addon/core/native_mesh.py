@@ -6,10 +6,12 @@ from ctypes import POINTER, c_float, c_uint32
 
 import numpy as np
 
+from .calls import Calls
+
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 
 
-class MeshCalls:
+class MeshCalls(Calls):
     """The calls of `native.Engine` for meshes."""
 
     def read_mesh(self, path: str) -> tuple[np.ndarray, np.ndarray]:

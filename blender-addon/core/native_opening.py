@@ -5,13 +5,14 @@ from ctypes import POINTER, c_float, c_uint32
 
 import numpy as np
 
+from .calls import Calls
 from .job import Progress
 from .take import OpenedFace
 
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 
 
-class OpeningCalls:
+class OpeningCalls(Calls):
     """The calls of `native.Engine` that cut faces open."""
 
     def open_mouth(self, positions, triangles, *marks_and_progress) -> OpenedFace:

@@ -7,13 +7,14 @@ from ctypes import POINTER, c_char_p, c_float, c_uint32
 
 import numpy as np
 
+from .calls import Calls
 from .job import Progress
 from .take import NETWORK, Rig, ShapesBy, Solved
 
 _FLOATS = POINTER(c_float)
 
 
-class ShapeCalls:
+class ShapeCalls(Calls):
     """The calls of `native.Engine` for shapes."""
 
     def rig(

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .calls import Calls
 from .errors import AnyfaceError
 from .job import Progress
 from .native_shapes import Clip
@@ -19,7 +20,7 @@ _PHONES, _WORDS, _MOUTHS = 0, 1, 2
 MOUTHS = ("rhubarb", "preston-blair")
 
 
-class SoundCalls:
+class SoundCalls(Calls):
     """The calls of `native.Engine` for sounds of speech."""
 
     def listen(self, sound: Sound) -> np.ndarray:
@@ -74,8 +75,8 @@ class SoundCalls:
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
             text = request.fields.get("text", "").encode() or None
-            arguments = self._handle, self._audio(handles, sound), text
-            said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
+            heard = self._handle, self._audio(handles, sound), text
+            said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *heard)
             closures = request.fields.get("closures")
             if closures is not None:
                 said = self._mended(handles, said, closures, request.fps)
@@ -171,8 +172,8 @@ class SoundCalls:
                 return self._stretch_of_weights(handles, (face, spoken), weights, rows)
             frames = self._library.anyface_motion_frame_count(spoken)
             part = range(max(rows.start, 0), min(rows.stop, frames))
-            arguments = (spoken, part.start, len(part))
-            motion = self._own(handles, "motion", "anyface_motion_new_frames", *arguments)
+            stretch = (spoken, part.start, len(part))
+            motion = self._own(handles, "motion", "anyface_motion_new_frames", *stretch)
             arguments = (self._handle, face, motion, watch.handle)
             clip = Clip(self, self._make("anyface_clip_new", *arguments))
             handles.callback(clip.close)

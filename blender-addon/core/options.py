@@ -4,6 +4,7 @@ of a jobs file.
 
 import argparse
 import math
+from typing import Any
 
 from . import systems
 
@@ -110,7 +111,7 @@ def files_read() -> tuple[str, ...]:
 def _add_fields(task: argparse.ArgumentParser) -> None:
     """Adds an option for each field that has no option of its own."""
     for field in systems.plain_fields():
-        kind = {"metavar": "FILE"} if field.kind == systems.SOUND else {}
+        kind: dict[str, Any] = {"metavar": "FILE"} if field.kind == systems.SOUND else {}
         if field.kind == systems.NUMBER:
             kind = {"type": int if field.is_whole else real}
         help = field.help.replace("%", "%%")
@@ -120,7 +121,7 @@ def _add_fields(task: argparse.ArgumentParser) -> None:
 def _add_controls(task: argparse.ArgumentParser) -> None:
     """Adds the choice of system and an option for each control that the library lists."""
     task.add_argument("--system", choices=[system.name for system in systems.known()] or None)
-    kinds = {systems.REAL: {"type": real}, systems.WHOLE: {"type": int}}
+    kinds: dict[str, dict[str, Any]] = {systems.REAL: {"type": real}, systems.WHOLE: {"type": int}}
     for control in systems.controls():
         kind = kinds.get(control.values, {"choices": control.choices})
         help = control.help.replace("%", "%%")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def perform(
     intensity = max((sum(row[1:]) for _, row in rows), default=0.0)
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
-    motion = animation.basis
+    motion: Any = animation.basis
     if motion is not None and animation.landmarks is not None and request.named_keys:
         tongue = animation.life.tongue if animation.life is not None else None
         # The names need positions in the space in which the library saw the face.
@@ -40,11 +41,11 @@ def perform(
         basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
         motion = ClipMotion(animation.clip, space.back)
-    elif motion is None:
-        motion = Frames(space.to_object(animation.displacements))
-    else:
+    elif motion is not None:
         motion.why_missing = sliders.why_missing(request, motion.sliders, motion.offered)
         motion.vectors = space.to_object(motion.vectors)
+    elif animation.displacements is not None:
+        motion = Frames(space.to_object(animation.displacements))
     take = Take(request.fps, animation.largest_mm, request.output, motion)
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     take.heard_emotion = animation.heard_emotion

@@ -57,7 +57,8 @@ def _reaches(samples, triangles, free, side: int) -> np.ndarray:
     """Whether the bounding box of each triangle holds a sample that is `free`."""
     sums = np.zeros((side + 1, side + 1), dtype=np.int32)
     sums[1:, 1:] = free.reshape(side, side).cumsum(axis=0).cumsum(axis=1)
-    (left, wide), (low, tall) = (_span(*samples[triangles, axis].T, side) for axis in (0, 1))
+    corners = (samples[triangles, axis].T for axis in (0, 1))
+    (left, wide), (low, tall) = (_span(a, b, c, side) for a, b, c in corners)
     right, high = left + wide, low + tall
     return sums[high, right] - sums[low, right] - sums[high, left] + sums[low, left] > 0
 

@@ -7,6 +7,7 @@ import uuid
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Plan:
     def moves(self, take: Take) -> np.ndarray | None:
         """The vectors `[K, V, 3]` that a finished take's weights move; None without weights."""
         weights = getattr(take.motion, "weights", None)
-        return take.motion.vectors if weights is not None else None
+        return getattr(take.motion, "vectors", None) if weights is not None else None
 
 
 class PackSliders(Plan):
@@ -153,7 +154,7 @@ class SolveKeys(Plan):
 def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
     """Solves weights of the shapes `vectors` `[S, V, 3]` of a face, in object space. Uses the clip
     if the take has one. With `path` the weights are also written there."""
-    motion = take.motion
+    motion: Any = take.motion
     face_found = finding.find(face, {}, engine.find, progress)
     shapes = names, vectors, face_found.lips(vectors.shape[1])
     if isinstance(motion, ClipMotion):
@@ -229,7 +230,10 @@ def _arkit(face, engine, progress) -> tuple[Rig, Rig]:
     """The ARKit shapes of a face, and its visemes."""
     rig, count = make_rig(face, engine, progress), len(shapes.ARKIT)
     arkit, visemes = slice(count), slice(count, None)
-    return tuple(Rig(rig.names[part], rig.vectors[part]) for part in (arkit, visemes))
+    return (
+        Rig(rig.names[arkit], rig.vectors[arkit]),
+        Rig(rig.names[visemes], rig.vectors[visemes]),
+    )
 
 
 def make_rig(face: FaceMesh, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:

@@ -7,6 +7,7 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class Portraits:
     system: str
     controls: dict[str, float]
     cache: Path
-    engine: object = field(repr=False)
+    engine: Any = field(repr=False)
 
     def __post_init__(self):
         moving = {name: value for name, value in self.controls.items() if name not in STILL}
@@ -57,7 +58,7 @@ class Portraits:
     def _key(self) -> str:
         models = self.engine.models
         library_file = library.library_path().stat()
-        parts = (
+        parts: tuple = (
             _VERSION,
             library_file.st_size,
             library_file.st_mtime_ns,
@@ -76,8 +77,8 @@ class Portraits:
     def work(self, progress: Progress) -> Path:
         """Draws the pictures unless all exist; returns the folder. Raises `AnyfaceError`."""
         if not self.are_drawn:
-            faces = self._faces(progress)
-            self._write(*faces, progress)
+            points, triangles, view = self._faces(progress)
+            self._write(points, triangles, view, progress)
             _forget(self.cache, self.folder)
         return self.folder
 

@@ -1,6 +1,7 @@
 """Redoes a stretch of a finished take with the keys that the take has; the rest stays."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,7 @@ class Redo:
     """The job of the worker thread; `snapshot` is a `scene.bake.Snapshot`, `rows` are the frames
     of the take that it needs."""
 
-    snapshot: object
+    snapshot: Any
     rows: range
     keys: list[ObjectKeys] = field(default_factory=list)
 
@@ -122,7 +123,7 @@ class Redo:
         take = snapshot.perform(progress, self.rows)
         frames = take.motion.displacements
         largest = np.sqrt((frames**2).sum(axis=2).max(initial=0.0))
-        per_mm = largest / max(take.largest_mm, 1e-9)
+        per_mm = float(largest) / max(take.largest_mm, 1e-9)
         limit = _ROOM * snapshot.settings.error_mm * per_mm
         stretches = {}
         for keys in self.keys:
@@ -155,7 +156,7 @@ def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
     gram = shapes @ shapes.T
     weights = np.linalg.lstsq(gram, shapes @ motion.T, rcond=1e-10)[0].T
     left = motion - weights @ shapes
-    missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
+    missing = float(np.linalg.norm(left)) / max(float(np.linalg.norm(motion)), 1e-20)
     pieces: list[tuple[np.ndarray, np.ndarray]] = []
     while _farthest(left) > limit and len(pieces) < min(_MOST_MORE, len(motion)):
         _, columns = np.linalg.eigh(left @ left.T)
@@ -165,7 +166,7 @@ def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
         column = column / peak
         left = left - np.outer(column, vector)
         pieces.append((vector.reshape(moved.shape[1:]), column))
-        missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
+        missing = float(np.linalg.norm(left)) / max(float(np.linalg.norm(motion)), 1e-20)
     more = np.array([vector for vector, _ in pieces]).reshape(-1, *moved.shape[1:])
     more_weights = np.array([column for _, column in pieces]).reshape(-1, len(moved)).T
     return Fit(weights, more, more_weights, missing)

@@ -8,6 +8,7 @@ import shutil
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class FilmRedo:
     `snapshot` is a `scene.bake.Snapshot`; `plan` finishes the new frames.
     """
 
-    snapshot: object
+    snapshot: Any
     rows: range
     plan: Plan
     bounds: tuple[float, float]
@@ -65,7 +66,7 @@ class PatchCaches(Plan):
     def _patch(self, frames: pc2.Frames, rest: np.ndarray, moved: np.ndarray) -> None:
         """Mixes frames of a cache, then eases again from rest and back to it."""
         place, ease = self.first + self.ease, self.ease
-        for number in np.flatnonzero(self.shares[: len(moved)] > 0.0):
+        for number in map(int, np.flatnonzero(self.shares[: len(moved)] > 0.0)):
             was, share = frames[place + number], np.float32(self.shares[number])
             if place + number < len(frames) - ease:
                 frames[place + number] = was + share * (rest + moved[number] - was)

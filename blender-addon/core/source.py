@@ -59,8 +59,8 @@ class MixedSource:
     @property
     def duration_s(self) -> float | None:
         """Length in seconds where it is known before decoding, else None."""
-        lengths = [part.duration_s for part in self.parts]
-        if None in lengths:
+        lengths = [part.duration_s for part in self.parts if part.duration_s is not None]
+        if len(lengths) < len(self.parts):
             return None
         return max(at + length for at, length in zip(self.at_s, lengths, strict=True))
 

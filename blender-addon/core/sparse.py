@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def opening(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
 
 def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -> None:
     """Finds few keys for a take's weights; `vectors` `[K, V, 3]` are its shapes, in its unit."""
-    motion = take.motion
+    motion: Any = take.motion
     tolerance = tolerance_mm / take.unit_mm
     keys = engine.few_keys(motion.weights, vectors, tolerance, take.touching, progress)
     motion.keys_of_curves = keys
@@ -48,7 +49,7 @@ class Few:
     """Finds few keys for curves that are made one by one. Together the curves stay about within
     `tolerance_mm`."""
 
-    engine: object
+    engine: Any
     tolerance_mm: float
 
     def keys(self, values: np.ndarray, size_mm: float):

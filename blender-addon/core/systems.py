@@ -110,7 +110,7 @@ def known() -> tuple[System, ...]:
 
 def controls() -> tuple[Control, ...]:
     """The controls of all systems. Systems that have a control of the same name share it."""
-    by_name = {}
+    by_name: dict[str, Control] = {}
     for control in (control for system in known() for control in system.controls):
         by_name.setdefault(control.name, control)
     return tuple(by_name.values())

@@ -1,6 +1,8 @@
 """Plain data that the stages exchange: requests, meshes, sounds and results."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -117,7 +119,7 @@ class Request:
     """
 
     fps: float
-    fields: dict[str, object] = field(default_factory=dict)
+    fields: dict[str, Any] = field(default_factory=dict)
     error_mm: float | None = 0.1
     controls: dict[str, float] = field(default_factory=dict)
     control_keys: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
@@ -209,7 +211,7 @@ class Motion:
     """
 
     # The files beside the .blend that hold it.
-    files = ()
+    files: "Sequence[WrittenFile]" = ()
 
     @property
     def frame_count(self) -> int:
@@ -266,7 +268,7 @@ class ClipMotion(Motion):
     `way` `[3, 3]` maps the displacements of the clip to object space.
     """
 
-    clip: object
+    clip: Any
     way: np.ndarray
 
     @property
@@ -281,7 +283,9 @@ class VectorSum(Motion):
     them, means a key on every frame.
     """
 
-    keys_of_curves = None
+    weights: np.ndarray
+    vectors: np.ndarray | None
+    keys_of_curves: list[CurveKeys | None] | None = None
 
     @property
     def frame_count(self):
@@ -393,7 +397,7 @@ class Animation:
     visibility: str = "SPEAKS"
     basis: Basis | None = None
     displacements: np.ndarray | None = None
-    clip: object = None
+    clip: Any = None
     life: Life | None = None
     landmarks: Landmarks | None = None
     shape_weights: ShapeWeights | None = None

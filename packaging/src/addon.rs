@@ -126,3 +126,19 @@ pub fn ruff(steps: &mut Steps) -> Result<()> {
     ]);
     steps.check("ruff", ruff.current_dir(machine::root()))
 }
+
+/// Checks the types of the wheel and of all of `blender-addon/core`, which are one package only
+/// once they are copied together.
+pub fn types(steps: &mut Steps) -> Result<()> {
+    let root = machine::root();
+    let folder = machine::target().join("types");
+    machine::empty(&folder)?;
+    let package = folder.join("anyface");
+    extension::copy_folder(&root.join("packaging/wheel/anyface"), &package)?;
+    extension::copy_folder(&root.join("blender-addon/core"), &package.join("core"))?;
+    let mut mypy = Command::new(Venv::Blender.python());
+    mypy.args(["-m", "mypy", "--package", "anyface", "--cache-dir"])
+        .arg(machine::target().join("mypy"))
+        .env("MYPYPATH", folder);
+    steps.check("mypy", mypy.current_dir(root))
+}

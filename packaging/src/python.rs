@@ -25,7 +25,7 @@ const OF_BLENDER: [u32; 2] = [11, 13];
 /// A Python environment of the project.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Venv {
-    /// Blender as a module, pytest and ruff.
+    /// Blender as a module, pytest, ruff and mypy.
     Blender,
     /// PyTorch and what else training needs.
     Training,

@@ -147,6 +147,7 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     }
     Venv::Blender.ensure(steps)?;
     addon::ruff(steps)?;
+    addon::types(steps)?;
     let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps, false)?;
     let executable = chroot::BLENDER.executable(steps)?;

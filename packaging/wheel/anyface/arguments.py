@@ -3,6 +3,7 @@
 import os
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,8 @@ ControlLike = float | str | tuple[ArrayLike, ArrayLike]
 """A number, the name of a choice, or keys: seconds `[N]` and values `[N]`, linear in between."""
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+Points = tuple[np.ndarray | None, np.ndarray | None]
+"""Positions `[68, 3]` and vertex numbers `[68]` of landmarks. At least one of them is None."""
 _FIELD_KINDS = systems.NUMBER, systems.TEXT, systems.SOUND
 # With more columns than this the array is transposed: its columns are samples, not channels.
 _MOST_CHANNELS = 32
@@ -63,7 +66,7 @@ def sound_of(sound: SoundLike, engine: Engine) -> Sound:
     return Sound(samples, float(rate_hz), "the sound")
 
 
-def landmarks_of(landmarks: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray | None]:
+def landmarks_of(landmarks: ArrayLike | None) -> Points:
     """Positions `[68, 3]` and vertex numbers `[68]` of landmarks. At least one of them is None."""
     if landmarks is None:
         return None, None
@@ -85,8 +88,8 @@ def request_of(
 ) -> Request:
     """Builds the request for a performance. The library keeps the clip until all of it is read."""
     request = Request(float(fps), keeps_clip=True)
-    for name, value in fields.items():
-        request.fields[name] = _field(engine, name, value)
+    for name, field in fields.items():
+        request.fields[name] = _field(engine, name, field)
     if events:
         request.events = Reader(engine.models).events("\n".join(events))
     if isinstance(emotions, str) and emotions in EMOTION_WORDS:
@@ -103,7 +106,7 @@ def request_of(
     return request
 
 
-def _field(engine: Engine, name: str, value: FieldLike):
+def _field(engine: Engine, name: str, value: Any):
     """The value of a field in the form that a request holds."""
     kinds = {known.name: known.kind for known in engine.fields if known.kind in _FIELD_KINDS}
     if name not in kinds:

@@ -14,6 +14,7 @@ from .arguments import (
     FieldLike,
     Mesh,
     MeshLike,
+    Points,
     SoundLike,
     landmarks_of,
     mesh_of,
@@ -165,7 +166,7 @@ def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cance
     return job.result()
 
 
-def _solved(engine: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
+def _solved(engine: Engine, mesh: Mesh, landmarks: Points, animation: Animation, watch: Watch) -> Weights:
     rig, count = engine.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
     lips = engine.find(*mesh, *landmarks, {}, None, watch).lips(vectors.shape[1])
@@ -174,16 +175,19 @@ def _solved(engine: Engine, mesh: Mesh, landmarks, animation: Animation, watch: 
 
 
 def _clip(fps: float, mesh: Mesh, animation: Animation, weights: Weights | None) -> Clip:
+    landmarks, life = animation.landmarks, animation.life
+    # Every animation of an engine has these.
+    assert landmarks is not None and life is not None and life.tongue is not None
     return Clip(
         fps=fps,
         rest=mesh[0],
         triangles=mesh[1],
         displacements=animation.clip.displacements(),
-        landmarks=animation.landmarks.neutral,
-        landmark_displacements=animation.landmarks.displacements,
-        head=animation.life.head,
-        gaze=animation.life.gaze,
-        tongue=animation.life.tongue,
+        landmarks=landmarks.neutral,
+        landmark_displacements=landmarks.displacements,
+        head=life.head,
+        gaze=life.gaze,
+        tongue=life.tongue,
         largest_mm=animation.largest_mm,
         speaks=animation.visibility == "SPEAKS",
         weights=weights,
