@@ -36,6 +36,8 @@
 //! `N` landmarks.
 // `deny`, not `forbid`: the slicing macro of ndarray expands to an `allow` of its own.
 #![deny(unsafe_code)]
+// What the library has to say goes into results, errors and `tracing`.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod annotation;
 pub mod audio;
