@@ -1413,8 +1413,8 @@ void anyface_basis_free(AnyfaceBasis *basis);
 /// that clip reduced to a few shapes. Motion that the caller brought, or that was redone or cut,
 /// has no sliders. `progress` may be NULL. Free with `anyface_sliders_free()`; everything else may
 /// be freed first.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion, and with
-/// `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion or for a face
+/// with another number of vertices, and with `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_sliders_new(const AnyfaceEngine *engine,
                                   const AnyfaceFace *face,
                                   const AnyfaceMotion *motion,

@@ -13,6 +13,9 @@
 mod guard;
 mod pointer;
 
+#[cfg(test)]
+mod foreign_handles;
+
 mod audio;
 mod basis;
 mod clip;

@@ -66,8 +66,8 @@ pub(crate) fn known(slider: i32) -> Result<Slider, Failure> {
 /// that clip reduced to a few shapes. Motion that the caller brought, or that was redone or cut,
 /// has no sliders. `progress` may be NULL. Free with `anyface_sliders_free()`; everything else may
 /// be freed first.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion, and with
-/// `ANYFACE_STATUS_CANCELLED`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a clip or basis of another motion or for a face
+/// with another number of vertices, and with `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sliders_new(
     engine: *const AnyfaceEngine,

@@ -174,7 +174,7 @@ impl Performance {
     /// `clip` is this performance on `face`; `basis` is the same clip expressed in a few shapes.
     ///
     /// # Errors
-    /// `InvalidInput` if clip and basis do not belong to the performance; `Cancelled`.
+    /// `InvalidInput` if clip and basis do not belong to the performance and the face; `Cancelled`.
     pub fn slider_changes(
         &self,
         engine: &Engine,
@@ -183,7 +183,7 @@ impl Performance {
         basis: &VertexBasis,
         progress: ProgressFn<'_>,
     ) -> Result<Vec<SliderChange>> {
-        check_take(self, clip, basis)?;
+        check_take(self, face, clip, basis)?;
         let take = (&self.motion, &self.life);
         let mut ways = Slider::ALL.map(|slider| (slider, self.knots(engine, slider)));
         if ways.iter().all(|(_, knots)| knots.is_empty()) {
@@ -481,17 +481,22 @@ fn beyond_each(mut change: Array2<f32>, changes: &[SliderChange]) -> Array2<f32>
     change
 }
 
-fn check_take(performance: &Performance, clip: &VertexClip, basis: &VertexBasis) -> Result<()> {
-    let frames = performance.motion.frames();
-    let (clip_frames, vertices, _) = clip.displacements.dim();
-    let (basis_frames, basis_vertices) = (basis.weights.nrows(), basis.shapes.dim().1);
-    let belong = (frames, frames) == (clip_frames, basis_frames) && vertices == basis_vertices;
-    if belong {
-        Ok(())
-    } else {
-        Err(Error::InvalidInput(format!(
-            "sliders: expected clip and basis of {frames} frames and the same vertices, got \
-             {clip_frames} and {basis_frames} frames, {vertices} and {basis_vertices} vertices"
-        )))
+/// Checks that clip and basis have the frames of the performance and the vertices of the face.
+fn check_take(
+    performance: &Performance,
+    face: &Face,
+    clip: &VertexClip,
+    basis: &VertexBasis,
+) -> Result<()> {
+    let expected = (performance.motion.frames(), face.mesh.positions.len());
+    let (frames, vertices, _) = clip.displacements.dim();
+    let of_basis = (basis.weights.nrows(), basis.shapes.dim().1);
+    if [(frames, vertices), of_basis] == [expected; 2] {
+        return Ok(());
     }
+    Err(Error::InvalidInput(format!(
+        "sliders: expected clip and basis of the motion's {} frames and the face's {} vertices, got a clip of \
+         {frames} and {vertices} and a basis of {} and {}",
+        expected.0, expected.1, of_basis.0, of_basis.1
+    )))
 }
