@@ -88,9 +88,7 @@ pub fn library_build(profile: &str) -> Command {
     let mut build = cargo_build(profile);
     match profile {
         "dev" => build.args(["--workspace", "--lib", "--bins", "--tests"]),
-        "release" => build
-            .args(["-p", "anyface-capi", "-p", "anyface-microphone"])
-            .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags()),
+        "release" => build.args(["-p", "anyface-capi", "-p", "anyface-microphone"]),
         _ => build.args(["-p", "anyface-capi"]),
     };
     build
@@ -106,6 +104,10 @@ pub fn microphone_build(profile: &str) -> Command {
 fn cargo_build(profile: &str) -> Command {
     let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
     build.args(["build", "--profile", profile]);
+    if profile != "dev" {
+        // This library is put into a zip, which may be handed on.
+        build.env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags());
+    }
     build.current_dir(machine::root());
     build
 }
@@ -267,6 +269,19 @@ mod tests {
         let local = default_zip();
         for platform in Platform::ALL {
             assert_ne!(local.file_name().unwrap(), zip_name(platform).as_str());
+        }
+    }
+
+    #[test]
+    fn libraries_in_a_zip_name_source_files_by_short_paths() {
+        for (profile, is_short) in [("release", true), ("demo", true), ("dev", false)] {
+            let build = library_build(profile);
+            let mut variables = build.get_envs();
+            let flags = variables.find_map(|(name, value)| {
+                (name == "CARGO_ENCODED_RUSTFLAGS").then_some(value?.to_string_lossy())
+            });
+            let has_prefixes = flags.is_some_and(|flags| flags.contains("--remap-path-prefix="));
+            assert_eq!(has_prefixes, is_short, "{profile}");
         }
     }
 }
