@@ -217,6 +217,40 @@ fn every_hostile_file_is_read_or_refused() {
     );
 }
 
+/// Small files whose values would take gigabytes.
+#[cfg(target_os = "linux")]
+#[test]
+fn small_files_do_not_grow_in_memory() {
+    let folder = stage();
+    let nodes = format!(r#"{{"nodes":[{}{{}}]}}"#, "{},".repeat(4_000_000));
+    let mut glb = b"glTF\x02\0\0\0".to_vec();
+    glb.extend((20 + nodes.len() as u32).to_le_bytes());
+    glb.extend((nodes.len() as u32).to_le_bytes());
+    glb.extend(b"JSON");
+    glb.extend(nodes.as_bytes());
+    fs::write(folder.path().join("many.glb"), glb).unwrap();
+    let numbers = "0,".repeat(8_000_000);
+    fs::write(folder.path().join("long.json"), format!("[{numbers}0]")).unwrap();
+    let most = 300 << 20;
+    for (kind, line) in [
+        ("mesh", "parts --mesh many.glb --landmarks marks.json"),
+        (
+            "invalid_input",
+            "parts --mesh grid.obj --landmarks long.json",
+        ),
+    ] {
+        let line = format!("{line} --json");
+        let ended = run(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        assert!(
+            ended.errors.contains(&format!("\"{kind}\"")),
+            "{line}: {}",
+            ended.errors
+        );
+        assert!(ended.errors.contains("MiB"), "{line}: {}", ended.errors);
+        assert!(ended.memory < most, "{line}: {} MB", ended.memory >> 20);
+    }
+}
+
 /// Names a device that never ends for every option that takes a file.
 #[cfg(target_os = "linux")]
 #[test]

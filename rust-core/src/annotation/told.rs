@@ -12,6 +12,7 @@ use super::{
     plain::rows,
     tiers::{finished, interval, time, wrong},
 };
+use crate::job::check_json;
 
 /// Azure's ticks in a second.
 const TICKS_S: f64 = 1e7;
@@ -123,6 +124,7 @@ fn kept(all: Vec<Interval>) -> Vec<Interval> {
 pub(super) fn read_json(text: &str) -> Result<Annotation, String> {
     let expected = "times of words or phones: ElevenLabs' characters, Azure's or Polly's events, a list of objects \
                     with start, end and word or phone, or Rhubarb's JSON";
+    check_json(text.as_bytes())?;
     let value: Value = match serde_json::from_str(text) {
         Ok(value) => value,
         Err(error) => {

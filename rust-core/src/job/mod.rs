@@ -3,6 +3,7 @@
 
 mod atomic;
 mod input;
+mod json;
 pub mod memory;
 pub(crate) mod outside;
 mod place;
@@ -12,5 +13,6 @@ pub(crate) use atomic::{Unfinished, UnfinishedFolder, create_folder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
 pub(crate) use input::Input;
 pub use input::{InputKind, copy_file, read_file, read_text};
+pub(crate) use json::check_json;
 pub use place::Place;
 pub use progress::{Progress, ProgressFn, SILENT, report};

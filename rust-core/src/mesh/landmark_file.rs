@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    job::{InputKind, read_text},
+    job::{InputKind, check_json, read_text},
 };
 
 /// The format's version. Raise it when a reader of the old version would misread the new one.
@@ -103,6 +103,7 @@ impl LandmarkSource {
     /// landmark; `ShapeMismatch` if a plain list does not have 68 items.
     pub fn from_json(text: &str) -> Result<Self> {
         let invalid = |e: serde_json::Error| Error::InvalidInput(format!("landmarks: {e}"));
+        check_json(text.as_bytes()).map_err(|e| Error::InvalidInput(format!("landmarks: {e}")))?;
         let value: serde_json::Value = serde_json::from_str(text).map_err(invalid)?;
         if value.is_object() {
             let document: Document = serde_json::from_value(value).map_err(invalid)?;

@@ -33,6 +33,10 @@ const PLAIN: &str = "model.safetensors";
 const PACKED: &str = "model.planes.gz";
 /// The most bytes of weights that a packed file may hold.
 const MOST_BYTES: u64 = 2 << 30;
+/// A packed file may hold this many bytes of weights, and in addition [`INFLATED`] times its size.
+const ANY_WEIGHTS: u64 = 16 << 20;
+/// The shipped weights take at least a fifth of their bytes. Zeros alone would take a thousandth.
+const INFLATED: u64 = 32;
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
 /// Names of numbers in configs, each with the smallest and largest value that any model may have.
@@ -334,9 +338,14 @@ fn read_weights(folder: &Path) -> Result<Vec<u8>> {
 /// training/nn/checkpoint.py is the inverse.
 fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
     let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
+    let most = (packed.len() as u64 * INFLATED + ANY_WEIGHTS).min(MOST_BYTES);
     GzDecoder::new(packed)
-        .take(MOST_BYTES)
+        .take(most + 1)
         .read_to_end(&mut planes)?;
+    if planes.len() as u64 > most {
+        let message = format!("expected at most {} MiB in it, got more", most >> 20);
+        return Err(io::Error::other(message));
+    }
     let (even, odd) = planes.split_at(planes.len().div_ceil(2));
     let mut bytes = vec![0; planes.len()];
     for ((pair, low), high) in bytes.chunks_exact_mut(2).zip(even).zip(odd) {
@@ -379,6 +388,19 @@ fn check_numbers(config: &str) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn packed_weights_that_grow_far_beyond_their_file_are_refused() {
+        use std::io::Write;
+        let zeros = |bytes: usize| {
+            let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+            packer.write_all(&vec![0; bytes]).unwrap();
+            packer.finish().unwrap()
+        };
+        assert_eq!(unpack(&zeros(1 << 20)).unwrap().len(), 1 << 20);
+        let message = unpack(&zeros(24 << 20)).unwrap_err().to_string();
+        assert!(message.contains("MiB in it, got more"), "{message}");
+    }
 
     #[test]
     fn built_in_models_are_within_the_ranges_and_absurd_ones_are_named() {

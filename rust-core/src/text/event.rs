@@ -11,7 +11,7 @@ use super::{TextUnits, check_length};
 use crate::{
     Error, Result,
     conditions::{ACTION_UNITS, Event, Expression, MAX_EVENT_STRENGTH},
-    job::{InputKind, read_text},
+    job::{InputKind, check_json, read_text},
 };
 
 /// Reads expressions and events. It loads the text model for the first text that needs it.
@@ -136,6 +136,7 @@ impl Reader {
             List(Vec<serde_json::Value>),
             Object { events: Vec<serde_json::Value> },
         }
+        check_json(text.as_bytes()).map_err(|e| Error::InvalidInput(format!("events: {e}")))?;
         let document: Document = serde_json::from_str(text).map_err(|error| {
             let message = format!(
                 "events: expected a JSON list of objects with start_s, end_s and units ({error})"

@@ -14,7 +14,7 @@ use accessor::Data;
 use document::{Document, Node, Primitive, missing, refusal};
 
 use super::Mesh;
-use crate::Result;
+use crate::{Result, job::check_json};
 
 type Matrix = [[f32; 4]; 4];
 
@@ -76,6 +76,7 @@ fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
             json.len()
         )));
     }
+    check_json(json).map_err(|e| refusal(format!("its description: {e}")))?;
     let document: Document =
         serde_json::from_slice(json).map_err(|e| refusal(format!("its description: {e}")))?;
     if let Some(unknown) = document

@@ -302,3 +302,16 @@ fn sparse_positions_need_bytes_for_what_they_claim() {
         &data(),
     ));
 }
+
+#[test]
+fn a_description_that_would_fill_memory_is_refused() {
+    let nodes = format!(r#"{{"nodes":[{}{{}}]}}"#, "{},".repeat(700_000));
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    let json = nodes.as_bytes();
+    bytes.extend((20 + json.len() as u32).to_le_bytes());
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(json);
+    let message = super::parse_glb(&bytes).unwrap_err().to_string();
+    assert!(message.contains("MiB of memory"), "{message}");
+}

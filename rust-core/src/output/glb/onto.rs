@@ -22,9 +22,10 @@ use crate::{
 
 /// The document and its bytes.
 pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
+    // This also checks how much memory the document will take.
+    let parts = parts_of(source, scene)?;
     let (json, binary) = glb_chunks(source)?;
     let document: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
-    let parts = parts_of(source, scene)?;
     let place = NewBytes::of(&document);
     let buffer = place.buffer(&document, binary);
     let mut file = Extended {
