@@ -24,8 +24,9 @@ def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
     json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
     try:
         page = (export.templates() / "results.html").read_text(encoding="utf-8")
-        # A "</script>" inside a string would end the page's script.
-        data = json.dumps(_ranked(rows)).replace("</", "<\\/")
+        # "</script>" would end the page's script, and after "<!--<script>" its own end would not
+        # count.
+        data = json.dumps(_ranked(rows)).replace("<", "\\u003c")
         json_file.write_text(folder / "results.html", page.replace("{{ROWS}}", data))
     except OSError as error:
         raise AnyfaceError("file", f"{error.filename}: {error.strerror}") from error

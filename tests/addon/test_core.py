@@ -1,6 +1,7 @@
 """Parts that need no Blender, as installed from the zip."""
 
 import ast
+import json
 import time
 
 import numpy as np
@@ -144,3 +145,15 @@ def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
     assert [lazy.find(), lazy.find()] == ["found", "found"] and len(engines) == 1
     lazy.close()
     assert engines[0].closed and not lazy.is_loaded
+
+
+def test_no_text_of_a_row_leaves_the_script_of_the_page(addon, tmp_path):
+    names = ["<!--<script>", "</script><img src=x onerror=alert(1)>", "<"]
+    reports = [{"name": name, "ok": True, "message": name} for name in names]
+    addon("farm.results").write(tmp_path, reports, 1.0)
+    page = (tmp_path / "results.html").read_text(encoding="utf-8")
+    template = (addon("farm.export").templates() / "results.html").read_text(encoding="utf-8")
+    assert page.count("<") == template.count("<")
+    before, after = template.split("{{ROWS}}")
+    rows = json.loads(page.removeprefix(before).removesuffix(after))
+    assert sorted(row["name"] for row in rows) == sorted(names)

@@ -167,9 +167,15 @@ pub fn write(
     add_pictures(rows, faces, &mut shown);
     let on_page: Vec<PageRow<'_>> = shown.iter().map(Shown::on_page).collect();
     let json = serde_json::to_string(&on_page).expect("rows serialise");
-    // Text of a row must not end the script in which it stands.
-    let content = PAGE.replace(ROWS, &json.replace("</", "<\\/"));
+    let content = PAGE.replace(ROWS, &within_script(&json));
     write_atomically(&page, |file| file.write_all(content.as_bytes()))
+}
+
+/// JSON for a script of a page. No `<` of its strings stays, because `</script>` would end the
+/// script, and after `<!--<script>` its own end would no longer count. Other characters need no
+/// care: [`PAGE`] states its encoding.
+fn within_script(json: &str) -> String {
+    json.replace('<', "\\u003c")
 }
 
 /// The latest entry of each row, in the order of the table. Rows that have changed since have none.
@@ -311,6 +317,15 @@ mod tests {
     fn the_page_has_one_place_for_rows() {
         assert_eq!(PAGE.matches(ROWS).count(), 1);
         assert!(!PAGE.contains("http://") && !PAGE.contains("https://"));
+    }
+
+    #[test]
+    fn no_text_of_a_row_ends_the_script_or_opens_another() {
+        let names = ["<!--<script>", "</script><img src=x>", "<", "a\u{2028}b"];
+        let page = within_script(&serde_json::to_string(&names).unwrap());
+        assert!(!page.contains('<'), "{page}");
+        let read: Vec<String> = serde_json::from_str(&page).unwrap();
+        assert_eq!(read, names);
     }
 
     #[test]
