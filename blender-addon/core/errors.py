@@ -1,6 +1,7 @@
 """Errors in plain words, each kind with its exit code."""
 
 import errno
+import re
 import sys
 import traceback
 
@@ -19,6 +20,9 @@ EXIT_CODES = {
     "shots": 12,
     "memory": 13,
 }
+
+# Control characters other than tabs and line breaks, and those that turn the direction of writing.
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 class AnyfaceError(Exception):
@@ -88,9 +92,13 @@ def readable(value) -> str:
 
 
 def say(line: str, stream) -> None:
-    """Prints a line in letters that the stream can encode; ignores a stream that cannot print."""
+    """Prints a line in letters that the stream can encode; ignores a stream that cannot print.
+
+    Nothing in it can steer a terminal, because names of files and objects may hold such characters.
+    """
     try:
         encoding = getattr(stream, "encoding", None) or "utf-8"
+        line = _STEERING.sub(lambda found: f"\\u{ord(found[0]):04x}", line)
         text = line.encode(encoding, "backslashreplace").decode(encoding)
         print(text, file=stream, flush=True)
     except (OSError, ValueError):

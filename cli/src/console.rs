@@ -1,6 +1,7 @@
 //! Prints results, progress and errors for people, or as JSON for programs.
 
 use std::{
+    borrow::Cow,
     fmt::Display,
     io::{self, IsTerminal, Write},
     time::Duration,
@@ -104,7 +105,7 @@ impl Console {
     pub fn count(&self, done: usize, total: usize, text: &str) {
         self.bar
             .set_position(BAR_STEPS * done as u64 / total.max(1) as u64);
-        self.bar.set_message(text.to_owned());
+        self.bar.set_message(clean(text).into_owned());
     }
 
     /// Prints one line of a continuous result. Returns false if the reader has closed the pipe.
@@ -168,7 +169,7 @@ fn print_line(text: &str) -> Result<()> {
 /// Prints a line on standard output. Returns false if the reader has closed the pipe.
 fn line(text: &str) -> Result<bool> {
     let mut out = io::stdout().lock();
-    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+    match writeln!(out, "{}", clean(text)).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
         result => result.map(|()| true).map_err(Error::io(STANDARD_OUTPUT)),
     }
@@ -176,8 +177,32 @@ fn line(text: &str) -> Result<bool> {
 
 /// Prints a line on standard error. Ignores a failure, because there is no other place to report
 /// it.
-fn print_error_line(text: &impl Display) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+pub fn print_error_line(text: &impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{}", clean(&text.to_string()));
+}
+
+/// Text that cannot steer the terminal on which it appears. Everything that the command prints goes
+/// through here, because names in files and names of files may hold such characters.
+///
+/// Control characters other than line breaks and tabs, and those that turn the direction of
+/// writing, become `\u001b` and the like. In the strings of JSON this means the same character.
+pub fn clean(text: &str) -> Cow<'_, str> {
+    let steers = |letter: char| {
+        let is_control = letter.is_control() && !matches!(letter, '\n' | '\t');
+        is_control || matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    if !text.contains(steers) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        if steers(letter) {
+            out += &format!("\\u{:04x}", u32::from(letter));
+        } else {
+            out.push(letter);
+        }
+    }
+    Cow::Owned(out)
 }
 
 /// The name of an error's kind.
@@ -193,5 +218,26 @@ pub fn kind(error: &Error) -> &'static str {
         Error::Io { .. } => "io",
         Error::Cancelled => "cancelled",
         Error::OutOfMemory(_) => "out_of_memory",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_steers_a_terminal_is_printed() {
+        for (text, expected) in [
+            ("Kopf, 頭\tراس\nline", "Kopf, 頭\tراس\nline"),
+            ("\u{1b}]0;title\u{7}", r"\u001b]0;title\u0007"),
+            ("a\rb\u{7f}\u{9b}31m", r"a\u000db\u007f\u009b31m"),
+            ("gpj.\u{202e}exe", r"gpj.\u202eexe"),
+        ] {
+            assert_eq!(clean(text), expected);
+        }
+        let json = serde_json::json!({"name": "\u{1b}\u{9b}\u{202e}"});
+        let text = serde_json::to_string_pretty(&json).unwrap();
+        let read: serde_json::Value = serde_json::from_str(&clean(&text)).unwrap();
+        assert_eq!(read, json);
     }
 }

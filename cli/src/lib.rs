@@ -78,8 +78,9 @@ enum Command {
 /// Reads the command line, runs the command and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    let matches = Arguments::command().get_matches();
-    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let matches = Arguments::command().try_get_matches();
+    let matches = matches.unwrap_or_else(|error| refuse(&error));
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| refuse(&error));
     let console = Console::new(arguments.shared.json);
     console.listen();
     signals::listen();
@@ -92,6 +93,16 @@ pub fn main() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// Ends the command with help, the version, or an error of the command line.
+fn refuse(error: &clap::Error) -> ! {
+    if error.use_stderr() {
+        // It repeats words of the command line, which a script may have taken from anywhere.
+        console::print_error_line(&error.to_string().trim_end());
+        std::process::exit(error.exit_code());
+    }
+    error.exit()
 }
 
 impl Command {

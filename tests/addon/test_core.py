@@ -1,6 +1,7 @@
 """Parts that need no Blender, as installed from the zip."""
 
 import ast
+import io
 import json
 import time
 
@@ -145,6 +146,12 @@ def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
     assert [lazy.find(), lazy.find()] == ["found", "found"] and len(engines) == 1
     lazy.close()
     assert engines[0].closed and not lazy.is_loaded
+
+
+def test_nothing_that_is_printed_steers_a_terminal(addon):
+    stream = io.StringIO()
+    addon("core.errors").say("Kopf\t頭: \x1b]0;title\x07\r\x9b31m\u202egpj", stream)
+    assert stream.getvalue() == "Kopf\t頭: \\u001b]0;title\\u0007\\u000d\\u009b31m\\u202egpj\n"
 
 
 def test_no_text_of_a_row_leaves_the_script_of_the_page(addon, tmp_path):

@@ -251,6 +251,74 @@ fn small_files_do_not_grow_in_memory() {
     }
 }
 
+/// Whether text holds characters that steer a terminal.
+fn steers(text: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(text);
+    text.chars().any(|c| c.is_control() && !"\n\t".contains(c))
+}
+
+#[test]
+fn names_of_files_and_objects_cannot_steer_a_terminal() {
+    let folder = stage();
+    let grid = fs::read_to_string(folder.path().join("grid.obj")).unwrap();
+    let named = format!("o Face\u{1b}]0;title\u{7}\u{9b}2J\n{grid}");
+    fs::write(folder.path().join("named.obj"), named).unwrap();
+    let command = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
+        let command = command.current_dir(folder.path()).args(arguments);
+        command.output().unwrap()
+    };
+    let marks = ["--landmarks", "marks.json", "--no-cache"];
+    let parts = [&["parts", "--mesh", "named.obj"][..], &marks].concat();
+    for json in [&[][..], &["--json"]] {
+        let ended = command(&[&parts[..], json].concat());
+        let [text, errors] = [&ended.stdout, &ended.stderr];
+        assert!(!steers(text) && !steers(errors), "{ended:?}");
+        let text = String::from_utf8_lossy(text);
+        assert!(text.contains(r"Face\u001b]0;title\u0007\u009b2J"), "{text}");
+    }
+    for line in [
+        &["parts", "--mesh", "no\u{1b}[31mfile.obj"][..],
+        &["parts", "--mesh\u{1b}[31m"],
+        &["\u{7}parts"],
+        &[
+            "motion",
+            "--audio",
+            "a.wav",
+            "--out",
+            "o.npz",
+            "--emotion",
+            "\u{1b}c:1",
+        ],
+    ] {
+        let ended = command(line);
+        assert!(!ended.status.success());
+        assert!(!steers(&ended.stderr), "{line:?}: {ended:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_of_weights_with_links_to_itself_ends() {
+    let folder = stage();
+    sound(folder.path(), 1);
+    let weights = folder.path().join("weights");
+    fs::create_dir(&weights).unwrap();
+    for link in ["a", "b"] {
+        std::os::unix::fs::symlink(".", weights.join(link)).unwrap();
+    }
+    fs::write(folder.path().join("rows.csv"), "audio,out\na.wav,o.npz\n").unwrap();
+    let ended = run(
+        folder.path(),
+        &["batch", "rows.csv", "--weights", "weights"],
+    );
+    assert!(
+        ended.status.is_some_and(|status| !status.success()),
+        "{}",
+        ended.errors
+    );
+}
+
 /// Names a device that never ends for every option that takes a file.
 #[cfg(target_os = "linux")]
 #[test]
