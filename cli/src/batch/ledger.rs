@@ -2,7 +2,7 @@
 //! processes may write.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     fs::{self, File, OpenOptions},
     io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
@@ -17,7 +17,7 @@ use super::{
     lips::{Gap, LipMotion},
     rows::Row,
 };
-use crate::console::kind;
+use crate::{console::kind, signals};
 
 /// Name of the history in the folder of reports.
 pub const HISTORY: &str = "history.jsonl";
@@ -93,8 +93,14 @@ pub struct FileState {
 
 impl FileState {
     /// The state of a file or folder. For a folder these are the sum of all sizes and the newest
-    /// time in it. `None` if nothing is there.
+    /// time in it. Links are followed, but a folder that several links lead to counts once. `None`
+    /// if nothing is there, or if somebody asks the command to end meanwhile.
     pub fn of(path: &Path) -> Option<FileState> {
+        FileState::of_new(path, &mut HashSet::new())
+    }
+
+    /// The state of a file or folder. `visited`: the folders that were counted before.
+    fn of_new(path: &Path, visited: &mut HashSet<PathBuf>) -> Option<FileState> {
         let metadata = fs::metadata(path).ok()?;
         let state = FileState {
             bytes: metadata.len(),
@@ -103,8 +109,11 @@ impl FileState {
         if !metadata.is_dir() {
             return Some(state);
         }
+        if signals::are_to_end() || !visited.insert(fs::canonicalize(path).ok()?) {
+            return None;
+        }
         let files = fs::read_dir(path).ok()?.flatten();
-        let files = files.filter_map(|file| FileState::of(&file.path()));
+        let files = files.filter_map(|file| FileState::of_new(&file.path(), visited));
         Some(files.fold(state, |all, file| FileState {
             bytes: all.bytes.wrapping_add(file.bytes),
             modified_ns: all.modified_ns.max(file.modified_ns),
@@ -271,6 +280,24 @@ mod tests {
             wave: vec![0.5; 200],
             ..Entry::default()
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_with_links_to_itself_counts_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("model");
+        fs::create_dir(&inner).unwrap();
+        fs::write(inner.join("config.json"), "{}").unwrap();
+        let bytes = |path: &Path| FileState::of(path).unwrap().bytes;
+        let [whole, of_inner] = [folder.path(), &inner].map(bytes);
+        assert!(whole > of_inner && of_inner > 2);
+        for link in ["a", "b"] {
+            std::os::unix::fs::symlink(".", folder.path().join(link)).unwrap();
+        }
+        std::os::unix::fs::symlink("../model", inner.join("c")).unwrap();
+        let links = fs::metadata(folder.path()).unwrap().len();
+        assert!(bytes(folder.path()).abs_diff(whole) <= links);
     }
 
     #[test]
