@@ -7,6 +7,7 @@
 use std::{hint::black_box, path::PathBuf, time::Duration};
 
 use anyface::{
+    job::SILENT,
     mesh::{Mesh, SurfaceTree},
     operators::{
         HeatGeodesics, OperatorOptions, Operators, SparseCholesky, edge_distance, gradient::RIDGE,
@@ -131,7 +132,7 @@ fn operators(c: &mut Criterion) {
         });
     });
     group.bench_function("eigenbasis 128", |b| {
-        b.iter(|| built.eigenbasis(black_box(128)))
+        b.iter(|| built.eigenbasis(black_box(128), SILENT))
     });
     group.finish();
 }

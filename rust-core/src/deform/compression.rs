@@ -13,14 +13,12 @@ mod sparsify;
 use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
-use self::{
-    components::{Components, Importance},
-    sparsify::{MOVING, sparsify},
-};
+use self::components::{Components, Importance};
+pub(super) use self::sparsify::{MOVING, sparsify};
 use super::VertexClip;
 use crate::{
     Error, Result,
-    job::{ProgressFn, report},
+    job::{ProgressFn, Watch, report},
     nn::{
         matrix::{self, product, view, view_mut},
         vectors::{columns_of, largest, raise, squared_distances},
@@ -108,7 +106,8 @@ pub fn compress(
     }
     report(progress, "compress", 0.0)?;
     let still = Components::none(frames, flat.ncols());
-    let error = Errors::of(&flat, &still, 0).largest();
+    let watch = Watch::new(progress, "compress", 0.0);
+    let error = Errors::of(&flat, &still, 0, &watch)?.largest();
     if error <= max_error {
         return Ok(normalised(&still.weights, &still.shapes, error, clip.fps));
     }
@@ -119,7 +118,14 @@ pub fn compress(
         ..
     } = best.components;
     let error = if weights.ncols() > MOVING {
-        sparsify(&flat, &mut weights, &shapes, max_error, best.error)
+        let watch = Watch::new(progress, "compress", 0.9);
+        sparsify(
+            &flat,
+            &mut weights,
+            &shapes,
+            (max_error, best.error),
+            &watch,
+        )?
     } else {
         best.error
     };
@@ -152,13 +158,14 @@ fn choose(
         let part = columns_of(flat.view(), &search.vertices);
         let mut least: Option<Least> = None;
         for _ in 0..rounds {
-            report(progress, "compress", 0.8 * done as f32 / steps)?;
-            search.round(&part, &mut least)?;
+            let watch = Watch::new(progress, "compress", 0.8 * done as f32 / steps);
+            search.round(&part, &mut least, &watch)?;
             done += 1;
         }
         let Some(least) = least else { break };
-        let components = least.components.on(flat, least.count);
-        let errors = Errors::of(flat, &components, least.count);
+        let watch = Watch::new(progress, "compress", 0.8 * done as f32 / steps);
+        let components = least.components.on(flat, least.count, &watch);
+        let errors = Errors::of(flat, &components, least.count, &watch)?;
         let error = errors.largest();
         let enough = error <= max_error && (rounds > 1 || least.count <= FEW);
         if best
@@ -177,8 +184,9 @@ fn choose(
         return Ok(best);
     }
     let width = (most + SPARE).min(frames);
-    let all = Components::find(flat, &search.importance, width, None)?;
-    let (count, error) = fewest(flat, &all, most, max_error);
+    let watch = Watch::new(progress, "compress", 0.8);
+    let all = Components::find(flat, &search.importance, width, None, &watch)?;
+    let (count, error) = fewest(flat, &all, most, max_error, &watch)?;
     let last = Choice {
         components: all.first(count),
         error,
@@ -221,7 +229,12 @@ impl Search {
     /// Keeps in `least` the fewest components of `part` `[T, 3n]` so far, and raises the importance
     /// of vertices and frames that would be too far from their place with a quarter fewer (Lawson
     /// 1961).
-    fn round(&mut self, part: &Array2<f32>, least: &mut Option<Least>) -> Result<()> {
+    fn round(
+        &mut self,
+        part: &Array2<f32>,
+        least: &mut Option<Least>,
+        watch: &Watch<'_>,
+    ) -> Result<()> {
         let of_vertex = |&v: &usize| self.importance.vertices[v];
         let importance = Importance {
             frames: self.importance.frames.clone(),
@@ -230,15 +243,15 @@ impl Search {
         let width = least.as_ref().map_or(self.most, |least| least.count);
         let width = (width.min(self.most) + SPARE).min(part.nrows());
         let near = least.as_ref().map(|least| &least.components);
-        let components = Components::find(part, &importance, width, near)?;
+        let components = Components::find(part, &importance, width, near, watch)?;
         // Once a number suffices, only fewer are of interest.
         let most = match &*least {
             Some(least) if least.error <= self.max_error => least.count - 1,
             _ => self.most,
         };
-        let (count, error) = fewest(part, &components, most, self.max_error);
+        let (count, error) = fewest(part, &components, most, self.max_error, watch)?;
         let fewer = least.as_ref().map_or(count, |least| count.min(least.count)) * 3 / 4;
-        let errors = Errors::of(part, &components, fewer);
+        let errors = Errors::of(part, &components, fewer, watch)?;
         let is_better = |least: &Least| {
             if error <= self.max_error {
                 least.error > self.max_error || count < least.count
@@ -310,21 +323,23 @@ fn fewest(
     components: &Components,
     most: usize,
     max_error: f32,
-) -> (usize, f32) {
+    watch: &Watch<'_>,
+) -> Result<(usize, f32)> {
     let most = most.min(components.shapes.ncols());
     let (mut few, mut many) = (0, most);
-    if exceeds(flat, components, most, max_error) {
+    if exceeds(flat, components, most, max_error, watch)? {
         few = most;
     }
     while many - few > 1 {
         let middle = few.midpoint(many);
-        if exceeds(flat, components, middle, max_error) {
+        if exceeds(flat, components, middle, max_error, watch)? {
             few = middle
         } else {
             many = middle
         }
     }
-    (many, Errors::of(flat, components, many).largest())
+    let errors = Errors::of(flat, components, many, watch)?;
+    Ok((many, errors.largest()))
 }
 
 /// The largest distance of each vertex `[V]` from its place in any frame, and of any vertex in each
@@ -336,11 +351,16 @@ struct Errors {
 
 impl Errors {
     /// Those that the first `count` components leave.
-    fn of(flat: &Array2<f32>, components: &Components, count: usize) -> Errors {
+    fn of(
+        flat: &Array2<f32>,
+        components: &Components,
+        count: usize,
+        watch: &Watch<'_>,
+    ) -> Result<Errors> {
         let squares_from = |&first: &usize| {
             let mut of_vertices = Vec::new();
             let mut of_frames = Vec::with_capacity(flat.nrows());
-            for_each_frame(flat, components, count, first, |squares| {
+            for_each_frame(flat, components, count, first, watch, |squares| {
                 of_vertices.resize(squares.len(), 0.0);
                 raise(&mut of_vertices, squares);
                 of_frames.push(largest(squares));
@@ -349,6 +369,7 @@ impl Errors {
             (of_vertices, of_frames)
         };
         let squares: Vec<_> = tasks_of(flat).par_iter().map(squares_from).collect();
+        watch.check()?;
         let mut errors = Errors {
             vertices: Vec::with_capacity(flat.ncols() / 3),
             frames: vec![0.0; flat.nrows()],
@@ -360,7 +381,7 @@ impl Errors {
         let Errors { vertices, frames } = &mut errors;
         let squares = vertices.iter_mut().chain(frames);
         squares.for_each(|square| *square = square.sqrt());
-        errors
+        Ok(errors)
     }
 
     fn largest(&self) -> f32 {
@@ -369,15 +390,22 @@ impl Errors {
 }
 
 /// Whether the first `count` components leave a vertex farther than `max_error` from its place.
-fn exceeds(flat: &Array2<f32>, components: &Components, count: usize, max_error: f32) -> bool {
-    tasks_of(flat).par_iter().any(|&first| {
+fn exceeds(
+    flat: &Array2<f32>,
+    components: &Components,
+    count: usize,
+    max_error: f32,
+    watch: &Watch<'_>,
+) -> Result<bool> {
+    let does_exceed = tasks_of(flat).par_iter().any(|&first| {
         let mut longest = 0.0;
-        for_each_frame(flat, components, count, first, |squares| {
+        for_each_frame(flat, components, count, first, watch, |squares| {
             longest = largest(squares);
             longest <= max_error * max_error
         });
         longest > max_error * max_error
-    })
+    });
+    watch.check().map(|()| does_exceed)
 }
 
 /// The first vertex of each group of [`VERTICES_PER_TASK`] vertices.
@@ -386,12 +414,13 @@ fn tasks_of(flat: &Array2<f32>) -> Vec<usize> {
 }
 
 /// Calls `visit` with the squared distances of a group of vertices from their place in each frame,
-/// until it returns false. `first`: of [`tasks_of`].
+/// until it returns false or the job is cancelled. `first`: of [`tasks_of`].
 fn for_each_frame(
     flat: &Array2<f32>,
     components: &Components,
     count: usize,
     first: usize,
+    watch: &Watch<'_>,
     mut visit: impl FnMut(&[f32]) -> bool,
 ) {
     let coordinates = flat.ncols();
@@ -404,7 +433,8 @@ fn for_each_frame(
     let squares = &mut squares[..columns / 3];
     let places = matrix::values(flat).chunks_exact(coordinates);
     let mut places = places.map(|row| &row[3 * first..3 * first + columns]);
-    for start in (0..flat.nrows()).step_by(FRAMES_PER_PRODUCT) {
+    let starts = (0..flat.nrows()).step_by(FRAMES_PER_PRODUCT);
+    for start in starts.take_while(|_| watch.is_wanted()) {
         let frames = FRAMES_PER_PRODUCT.min(flat.nrows() - start);
         let fitted = &mut fitted[..frames * columns];
         if count > 0 {
@@ -536,8 +566,10 @@ mod tests {
             frames: vec![1.0; frames],
             vertices: vec![1.0; vertices],
         };
-        let components = Components::find(&flat_of(clip), &even, count + SPARE, None).unwrap();
-        Errors::of(&flat_of(clip), &components, count).largest()
+        let (flat, watch) = (flat_of(clip), Watch::new(SILENT, "test", 0.0));
+        let components = Components::find(&flat, &even, count + SPARE, None, &watch).unwrap();
+        let errors = Errors::of(&flat, &components, count, &watch).unwrap();
+        errors.largest()
     }
 
     #[test]

@@ -15,4 +15,5 @@ pub(crate) use input::Input;
 pub use input::{InputKind, copy_file, read_file, read_text};
 pub(crate) use json::check_json;
 pub use place::Place;
+pub(crate) use progress::Watch;
 pub use progress::{Progress, ProgressFn, SILENT, report};

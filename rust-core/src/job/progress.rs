@@ -1,5 +1,7 @@
 //! Progress and cancellation: one callback, called from the threads that do the work.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::{Error, Result};
 
 /// A step of a job and how much of that step is done.
@@ -27,5 +29,61 @@ pub fn report(progress: ProgressFn<'_>, stage: &'static str, fraction: f32) -> R
         Ok(())
     } else {
         Err(Error::Cancelled)
+    }
+}
+
+/// Asks from within loops over many threads whether the job is still wanted, and remembers the
+/// answer. Once it is not, such loops skip what is left, and their caller returns the error of
+/// [`Watch::check`] instead of the unfinished values.
+pub(crate) struct Watch<'a> {
+    progress: ProgressFn<'a>,
+    at: Progress,
+    is_cancelled: AtomicBool,
+}
+
+impl<'a> Watch<'a> {
+    /// Each question reports `fraction` of `stage`.
+    pub fn new(progress: ProgressFn<'a>, stage: &'static str, fraction: f32) -> Watch<'a> {
+        Watch {
+            progress,
+            at: Progress { stage, fraction },
+            is_cancelled: AtomicBool::new(false),
+        }
+    }
+
+    /// Whether the job is still wanted. Loops ask at least every few milliseconds.
+    pub fn is_wanted(&self) -> bool {
+        if self.is_cancelled.load(Ordering::Relaxed) {
+            return false;
+        }
+        let is_wanted = (self.progress)(self.at);
+        if !is_wanted {
+            self.is_cancelled.store(true, Ordering::Relaxed);
+        }
+        is_wanted
+    }
+
+    /// # Errors
+    /// [`Error::Cancelled`] if the job is not wanted any more.
+    pub fn check(&self) -> Result<()> {
+        if self.is_wanted() {
+            Ok(())
+        } else {
+            Err(Error::Cancelled)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_host_that_cancels_once_has_cancelled() {
+        let is_first = AtomicBool::new(true);
+        let host = |_: Progress| !is_first.swap(false, Ordering::Relaxed);
+        let watch = Watch::new(&host, "deform", 0.5);
+        assert!(matches!(watch.check(), Err(Error::Cancelled)));
+        assert!(host(watch.at) && !watch.is_wanted());
     }
 }

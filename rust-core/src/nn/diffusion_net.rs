@@ -23,7 +23,11 @@ use ndarray::{Array3, ArrayRef3, s};
 use serde::{Deserialize, Serialize};
 
 use super::{linear::Linear, matrix::rows_of, surface::Surface};
-use crate::{Result, models::Weights};
+use crate::{
+    Result,
+    job::{SILENT, Watch},
+    models::Weights,
+};
 use block::Block;
 use fields::Fields;
 
@@ -81,26 +85,34 @@ impl DiffusionNet {
         assert_eq!(vertices, surface.vertices(), "vertices");
         assert_eq!(channels, self.first_lin.inputs(), "input channels");
         let x = x.as_standard_layout();
-        self.forward_from(batch, surface, |field, rows, out| {
+        let first = |field, rows: Range<usize>, out: &mut [f32]| {
             let x = x.slice(s![field, rows, ..]);
             let values = x.as_slice().expect("rows of one field are contiguous");
             self.first_lin.forward_rows(rows_of(values, channels), out);
-        })
+        };
+        let watch = Watch::new(SILENT, "deform", 0.0);
+        let result = self.forward_from(batch, surface, &watch, first);
+        result.expect("nobody can cancel this")
     }
 
     /// [`DiffusionNet::forward`] with `first` in place of the first layer. `first` gets the number
     /// of a field and a range of vertices, and fills `[rows, C]`.
-    pub fn forward_from(
+    ///
+    /// # Errors
+    /// `Cancelled`, within milliseconds.
+    pub(crate) fn forward_from(
         &self,
         batch: usize,
         surface: &Surface,
+        watch: &Watch<'_>,
         first: impl Fn(usize, Range<usize>, &mut [f32]) + Sync,
-    ) -> Array3<f32> {
-        let mut fields = Fields::new(batch, self.first_lin.outputs(), surface, first);
+    ) -> Result<Array3<f32>> {
+        let mut fields = Fields::new(batch, self.first_lin.outputs(), surface, watch, first);
         for (index, block) in self.blocks.iter().enumerate() {
             fields.apply(block, index + 1 < self.blocks.len());
         }
-        fields.project(&self.last_lin)
+        watch.check()?;
+        Ok(fields.project(&self.last_lin))
     }
 }
 

@@ -10,6 +10,7 @@ use super::{
 use crate::{
     Error, Result,
     cache::{Arrays, Cache, CacheKey},
+    job::ProgressFn,
 };
 
 /// Raise this when the computation changes its results.
@@ -36,8 +37,8 @@ impl Operators {
     /// Otherwise it would have to find an eigenvalue of multiplicity 56 for a head of 56 parts.
     ///
     /// # Errors
-    /// `InvalidInput` if `count` is 0; `Numerics` if the iteration does not converge.
-    pub fn eigenbasis(&self, count: usize) -> Result<Eigenbasis> {
+    /// `InvalidInput` if `count` is 0; `Numerics` if the iteration does not converge; `Cancelled`.
+    pub fn eigenbasis(&self, count: usize, progress: ProgressFn<'_>) -> Result<Eigenbasis> {
         if count == 0 {
             return Err(Error::InvalidInput(
                 "eigenpairs: expected at least 1, got 0".into(),
@@ -54,7 +55,7 @@ impl Operators {
         } else if self.rows() <= 2 * dimension + self.parts.count {
             self.dense_pairs(varying)?
         } else {
-            self.lanczos_pairs(varying, dimension)?
+            self.lanczos_pairs(varying, dimension, progress)?
         };
         Ok(self.assemble(constants, &values, &columns))
     }
@@ -63,7 +64,12 @@ impl Operators {
     ///
     /// # Errors
     /// Those of [`Operators::eigenbasis`].
-    pub fn eigenbasis_cached(&self, count: usize, cache: &Cache) -> Result<Eigenbasis> {
+    pub fn eigenbasis_cached(
+        &self,
+        count: usize,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Eigenbasis> {
         let key = CacheKey::new("eigenbasis", VERSION)
             .u32s(&[count as u32])
             .u32s(&self.laplacian.indices)
@@ -81,7 +87,7 @@ impl Operators {
             let (_, vectors) = arrays.take_f64("vectors")?;
             Some(Eigenbasis { values, vectors })
         };
-        cache.get_or_make(&key, decode, encode, || self.eigenbasis(count))
+        cache.get_or_make(&key, decode, encode, || self.eigenbasis(count, progress))
     }
 
     fn root_mass(&self) -> Vec<f64> {
@@ -116,7 +122,12 @@ impl Operators {
         Ok((values, columns.map(|at| eigen.U()[at]).collect()))
     }
 
-    fn lanczos_pairs(&self, pairs: usize, dimension: usize) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn lanczos_pairs(
+        &self,
+        pairs: usize,
+        dimension: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
         // By Weyl's law the largest of these eigenvalues is near 4π pairs / area.
         let shift = 0.03 * 4.0 * std::f64::consts::PI * pairs as f64 / self.area();
         let shifted = self.laplacian.add_diagonal(shift, &self.mass)?;
@@ -125,7 +136,7 @@ impl Operators {
             root_mass: self.root_mass(),
         };
         let constants = self.constants(&operator.root_mass);
-        let (inverse, columns) = largest(&operator, constants, pairs, dimension)?;
+        let (inverse, columns) = largest(&operator, constants, pairs, dimension, progress)?;
         let values = inverse
             .iter()
             .map(|theta| (1.0 / theta - shift).max(0.0))
@@ -218,7 +229,7 @@ mod tests {
         fixtures::{Golden, dense_eigenvalues, icosphere, joined, square},
     };
     use super::*;
-    use crate::{CachePolicy, mesh::Mesh};
+    use crate::{CachePolicy, job::SILENT, mesh::Mesh};
 
     fn operators(mesh: &Mesh) -> Operators {
         Operators::new(mesh, &OperatorOptions::default()).unwrap()
@@ -278,7 +289,7 @@ mod tests {
             let ops =
                 operators(&golden.mesh(&format!("{name}.vertices"), &format!("{name}.faces")));
             let expected = golden.numbers(&format!("{name}.evals"));
-            let basis = ops.eigenbasis(24).unwrap();
+            let basis = ops.eigenbasis(24, SILENT).unwrap();
             check_values(&basis.values, &expected, 1e-3);
             check(&ops, &basis);
         }
@@ -288,7 +299,7 @@ mod tests {
     fn lanczos_equals_the_dense_twin() {
         for mesh in [icosphere(3), joined(&square(15), &icosphere(3), [4.0; 3])] {
             let ops = operators(&mesh);
-            let basis = ops.eigenbasis(60).unwrap();
+            let basis = ops.eigenbasis(60, SILENT).unwrap();
             assert!(ops.rows() > 4 * 60);
             check_values(&basis.values, &dense_eigenvalues(&ops), 1e-9);
             check(&ops, &basis);
@@ -302,20 +313,29 @@ mod tests {
             mesh = joined(&mesh, &square(2), [3.0 * i as f32, 0.0, 0.0]);
         }
         let ops = operators(&mesh);
-        let basis = ops.eigenbasis(70).unwrap();
+        let basis = ops.eigenbasis(70, SILENT).unwrap();
         assert!(basis.values[..56].iter().all(|&v| v == 0.0));
         check_values(&basis.values, &dense_eigenvalues(&ops), 1e-8);
         check(&ops, &basis);
-        assert!(ops.eigenbasis(10).unwrap().values.iter().all(|&v| v == 0.0));
+        assert!(
+            ops.eigenbasis(10, SILENT)
+                .unwrap()
+                .values
+                .iter()
+                .all(|&v| v == 0.0)
+        );
     }
 
     #[test]
     fn more_pairs_than_rows_are_cut_and_none_is_an_error() {
         let ops = operators(&icosphere(0));
-        let basis = ops.eigenbasis(128).unwrap();
+        let basis = ops.eigenbasis(128, SILENT).unwrap();
         assert_eq!(basis.values.len(), 12);
         check(&ops, &basis);
-        assert!(matches!(ops.eigenbasis(0), Err(Error::InvalidInput(_))));
+        assert!(matches!(
+            ops.eigenbasis(0, SILENT),
+            Err(Error::InvalidInput(_))
+        ));
     }
 
     #[test]
@@ -326,7 +346,7 @@ mod tests {
                 .num_threads(threads)
                 .build()
                 .unwrap();
-            pool.install(|| ops.eigenbasis(30).unwrap())
+            pool.install(|| ops.eigenbasis(30, SILENT).unwrap())
         };
         assert_eq!(with(1), with(3));
     }
@@ -336,10 +356,10 @@ mod tests {
         let ops = operators(&icosphere(2));
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(&CachePolicy::Folder(folder.path().into()));
-        let fresh = ops.eigenbasis_cached(20, &cache).unwrap();
-        assert_eq!(fresh, ops.eigenbasis_cached(20, &cache).unwrap());
+        let fresh = ops.eigenbasis_cached(20, &cache, SILENT).unwrap();
+        assert_eq!(fresh, ops.eigenbasis_cached(20, &cache, SILENT).unwrap());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        ops.eigenbasis_cached(21, &cache).unwrap();
+        ops.eigenbasis_cached(21, &cache, SILENT).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

@@ -13,8 +13,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::threads::threads;
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{ProgressFn, report},
+};
 
+/// The stage that the progress names.
+const STAGE: &str = "operators";
 /// Vectors that each step adds to the basis.
 pub(crate) const BLOCK: usize = 8;
 /// The method fails after this many restarts. Meshes take two or three.
@@ -38,15 +43,20 @@ pub(crate) trait SymmetricOperator {
 /// `locked`: known orthonormal eigenvectors, column-major, which the result leaves out. `dimension`:
 /// the most vectors in the basis, at least `count + 2 BLOCK`. The operator's size must exceed it by
 /// more than a block and the locked vectors together.
+///
+/// # Errors
+/// `Numerics` if the iteration does not converge; `Cancelled`.
 pub(crate) fn largest(
     operator: &impl SymmetricOperator,
     locked: Vec<f64>,
     count: usize,
     dimension: usize,
+    progress: ProgressFn<'_>,
 ) -> Result<(Vec<f64>, Vec<f64>)> {
     let mut space = Krylov::new(operator.size(), locked, dimension);
     for _ in 0..MAX_RESTARTS {
         while space.used + BLOCK <= dimension {
+            report(progress, STAGE, 0.0)?;
             space.extend(operator);
         }
         let ritz = space.ritz()?;
@@ -259,6 +269,7 @@ fn subtract(u: &[f64], a: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::SILENT;
 
     struct Diagonal(Vec<f64>);
 
@@ -279,7 +290,8 @@ mod tests {
         let diagonal: Vec<f64> = (0..400).map(|i| 1.0 / (1.0 + i as f64)).collect();
         let mut locked = vec![0.0; 400];
         locked[0] = 1.0;
-        let (values, vectors) = largest(&Diagonal(diagonal.clone()), locked, 20, 48).unwrap();
+        let (values, vectors) =
+            largest(&Diagonal(diagonal.clone()), locked, 20, 48, SILENT).unwrap();
         for i in 0..20 {
             assert!((values[i] - diagonal[i + 1]).abs() < 1e-13, "{i}");
             assert!((vectors[400 * i + i + 1].abs() - 1.0).abs() < 1e-8, "{i}");
@@ -292,7 +304,7 @@ mod tests {
         let diagonal: Vec<f64> = (0..300)
             .map(|i| [3.0, 2.0, 1.0][usize::from(i >= 6) + usize::from(i >= 12)])
             .collect();
-        let (values, _) = largest(&Diagonal(diagonal), Vec::new(), 14, 40).unwrap();
+        let (values, _) = largest(&Diagonal(diagonal), Vec::new(), 14, 40, SILENT).unwrap();
         for (i, value) in values.iter().enumerate() {
             let expected = [3.0, 2.0, 1.0][usize::from(i >= 6) + usize::from(i >= 12)];
             assert!((value - expected).abs() < 1e-12, "{i}: {value}");

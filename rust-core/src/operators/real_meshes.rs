@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{HeatGeodesics, OperatorOptions, Operators, edge_distance, fixtures::Golden};
-use crate::{CachePolicy, cache::Cache, mesh::Mesh};
+use crate::{CachePolicy, cache::Cache, job::SILENT, mesh::Mesh};
 
 fn read(name: &str) -> Mesh {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");
@@ -57,7 +57,7 @@ fn heads_animals_and_scans_have_sound_operators() {
             );
         }
         let surface = ops
-            .surface(16, 1.0, &Cache::new(&CachePolicy::Off))
+            .surface(16, 1.0, &Cache::new(&CachePolicy::Off), SILENT)
             .unwrap();
         assert!(
             surface

@@ -6,6 +6,7 @@ use super::{Csr, Operators, gradient::RIDGE};
 use crate::{
     Result,
     cache::Cache,
+    job::ProgressFn,
     nn::surface::{Entry, Surface},
 };
 
@@ -17,8 +18,14 @@ impl Operators {
     ///
     /// # Errors
     /// Those of [`Operators::eigenbasis`].
-    pub fn surface(&self, eigenpairs: usize, unit: f64, cache: &Cache) -> Result<Surface> {
-        let basis = self.eigenbasis_cached(eigenpairs, cache)?;
+    pub fn surface(
+        &self,
+        eigenpairs: usize,
+        unit: f64,
+        cache: &Cache,
+        progress: ProgressFn<'_>,
+    ) -> Result<Surface> {
+        let basis = self.eigenbasis_cached(eigenpairs, cache, progress)?;
         let gradient = self.tangent_gradient(&self.tangent_frames(), RIDGE * unit * unit);
         let (rows, count) = (self.rows(), basis.values.len());
         // The vectors are orthonormal under the scaled mass, so they grow if the areas shrink.
@@ -55,6 +62,7 @@ mod tests {
     use super::*;
     use crate::{
         CachePolicy,
+        job::SILENT,
         mesh::Mesh,
         nn::diffusion_net::{DiffusionNet, DiffusionNetShape},
     };
@@ -62,7 +70,7 @@ mod tests {
     fn surface(mesh: &Mesh, k: usize, unit: f64) -> Surface {
         let ops = Operators::new(mesh, &OperatorOptions::default()).unwrap();
         assert_eq!(ops.rows(), mesh.positions.len());
-        ops.surface(k, unit, &Cache::new(&CachePolicy::Off))
+        ops.surface(k, unit, &Cache::new(&CachePolicy::Off), SILENT)
             .unwrap()
     }
 

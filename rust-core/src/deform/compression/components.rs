@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error, Result,
+    job::Watch,
     nn::matrix::{self, by_row_blocks, product, rows_of, view, view_mut},
 };
 
@@ -54,21 +55,24 @@ impl Components {
         importance: &Importance,
         width: usize,
         near: Option<&Components>,
+        watch: &Watch<'_>,
     ) -> Result<Components> {
         let frames = flat.nrows();
         let roots: Vec<f32> = importance.frames.iter().map(|a| a.sqrt()).collect();
         let range = if frames > width {
-            range_of_frames(flat, importance, &roots, width, near)
+            range_of_frames(flat, importance, &roots, width, near, watch)?
         } else {
             Array2::eye(frames)
         };
-        let projected = transposed_product(flat, &scaled(&range, &roots));
+        watch.check()?;
+        let projected = transposed_product(flat, &scaled(&range, &roots), watch);
+        watch.check()?;
         let rotation = principal_axes(&projected, &importance.vertices)?;
-        let axes = row_product(&range, &rotation);
+        let axes = row_product(&range, &rotation, watch);
         let inverse: Vec<f32> = roots.iter().map(|root| root.recip()).collect();
         Ok(Components {
             weights: scaled(&axes, &inverse),
-            shapes: row_product(&projected, &rotation),
+            shapes: row_product(&projected, &rotation, watch),
             duals: scaled(&axes, &roots),
         })
     }
@@ -83,12 +87,13 @@ impl Components {
         }
     }
 
-    /// The first `count` of them, with shapes for the vertices of `flat` `[T, 3V]`.
-    pub fn on(&self, flat: &Array2<f32>, count: usize) -> Components {
+    /// The first `count` of them, with shapes for the vertices of `flat` `[T, 3V]`. If the job is
+    /// cancelled, the shapes stay unfinished.
+    pub fn on(&self, flat: &Array2<f32>, count: usize, watch: &Watch<'_>) -> Components {
         let duals = self.duals.slice(s![.., ..count]).to_owned();
         Components {
             weights: self.weights.slice(s![.., ..count]).to_owned(),
-            shapes: transposed_product(flat, &duals),
+            shapes: transposed_product(flat, &duals, watch),
             duals,
         }
     }
@@ -102,7 +107,8 @@ fn range_of_frames(
     roots: &[f32],
     width: usize,
     near: Option<&Components>,
-) -> Array2<f32> {
+    watch: &Watch<'_>,
+) -> Result<Array2<f32>> {
     let weights = &importance.vertices;
     let first = match near {
         Some(near) if near.duals.ncols() >= width => {
@@ -114,15 +120,18 @@ fn range_of_frames(
             let probe = Array2::from_shape_fn((flat.ncols(), width), |(row, _)| {
                 (rng.next_u32() as f32 * uniform - 1.0) * weights[row / 3].sqrt()
             });
-            scaled(&row_product(flat, &probe), roots)
+            scaled(&row_product(flat, &probe, watch), roots)
         }
     };
+    watch.check()?;
     let first = scaled(&orthonormal(&first), roots);
-    let mut back = transposed_product(flat, &first);
+    let mut back = transposed_product(flat, &first, watch);
     for (row, mut values) in back.rows_mut().into_iter().enumerate() {
         values *= weights[row / 3];
     }
-    orthonormal(&scaled(&row_product(flat, &back), roots))
+    let range = scaled(&row_product(flat, &back, watch), roots);
+    watch.check()?;
+    Ok(orthonormal(&range))
 }
 
 /// `rows` `[T, K]`, each multiplied by its factor.
@@ -134,19 +143,23 @@ fn scaled(rows: &Array2<f32>, factors: &[f32]) -> Array2<f32> {
     out
 }
 
-/// `lhs · rhs`, row blocks in parallel.
-fn row_product(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
+/// `lhs · rhs`, row blocks in parallel. Unfinished if the job is cancelled.
+fn row_product(lhs: &Array2<f32>, rhs: &Array2<f32>, watch: &Watch<'_>) -> Array2<f32> {
     by_row_blocks(lhs.nrows(), rhs.ncols(), |rows, out| {
         let lhs = view(lhs).subrows(rows.start, rows.len());
-        product(view_mut(out, rhs.ncols()), lhs, view(rhs));
+        if watch.is_wanted() {
+            product(view_mut(out, rhs.ncols()), lhs, view(rhs));
+        }
     })
 }
 
-/// `lhsᵀ · rhs`, row blocks of the result in parallel.
-fn transposed_product(lhs: &Array2<f32>, rhs: &Array2<f32>) -> Array2<f32> {
+/// `lhsᵀ · rhs`, row blocks of the result in parallel. Unfinished if the job is cancelled.
+fn transposed_product(lhs: &Array2<f32>, rhs: &Array2<f32>, watch: &Watch<'_>) -> Array2<f32> {
     by_row_blocks(lhs.ncols(), rhs.ncols(), |rows, out| {
         let lhs = view(lhs).subcols(rows.start, rows.len()).transpose();
-        product(view_mut(out, rhs.ncols()), lhs, view(rhs));
+        if watch.is_wanted() {
+            product(view_mut(out, rhs.ncols()), lhs, view(rhs));
+        }
     })
 }
 

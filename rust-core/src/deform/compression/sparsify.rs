@@ -6,13 +6,17 @@
 use ndarray::{Array2, ArrayView1};
 use rayon::prelude::*;
 
-use crate::nn::{
-    matrix::{self, product, view, view_mut},
-    vectors::{longest, longest_square},
+use crate::{
+    Result,
+    job::Watch,
+    nn::{
+        matrix::{self, product, view, view_mut},
+        vectors::{longest, longest_square},
+    },
 };
 
 /// A frame in which at most this many shapes move is left as it is.
-pub(super) const MOVING: usize = 20;
+pub(in crate::deform) const MOVING: usize = 20;
 /// For each shape the error is first measured in this many regions, at the vertex that the shape
 /// moves farthest. A missing shape shows there first.
 const FARTHEST: usize = 8;
@@ -29,27 +33,30 @@ const REGIONS: usize = 256;
 /// No vertex of `flat` `[T, 3V]` gets further from its place than `max_error`, or than the largest
 /// error of its frame was before. `shapes`: `[3V, K]`; `error`: the largest before. Returns the
 /// largest error.
-pub(super) fn sparsify(
+///
+/// # Errors
+/// `Cancelled`.
+pub(in crate::deform) fn sparsify(
     flat: &Array2<f32>,
     weights: &mut Array2<f32>,
     shapes: &Array2<f32>,
-    max_error: f32,
-    error: f32,
-) -> f32 {
+    (max_error, error): (f32, f32),
+    watch: &Watch<'_>,
+) -> Result<f32> {
     let mut bounds = vec![max_error; weights.nrows()];
     if error > max_error {
-        let before = farthest_of_frames(flat, weights, shapes).into_iter();
+        let before = farthest_of_frames(flat, weights, shapes, watch)?.into_iter();
         bounds = before.map(|(error, _)| error.max(max_error)).collect();
     }
     let full = weights.clone();
     let mut frames: Vec<usize> = (0..weights.nrows()).collect();
     let mut rows = Rows::farthest(shapes);
     for look in 0..=LOOKS {
-        rows.sparsify(flat, weights, &frames, &bounds);
-        let farthest = farthest_of_frames(flat, weights, shapes);
+        rows.sparsify(flat, weights, &frames, &bounds, watch)?;
+        let farthest = farthest_of_frames(flat, weights, shapes, watch)?;
         frames.retain(|&t| farthest[t].0 > bounds[t]);
         if frames.is_empty() {
-            return farthest.iter().fold(0.0, |error, one| one.0.max(error));
+            return Ok(farthest.iter().fold(0.0, |error, one| one.0.max(error)));
         }
         // A vertex that was not measured moved too far: these frames are done again with it.
         for &t in &frames {
@@ -65,8 +72,8 @@ pub(super) fn sparsify(
         vertices.dedup();
         rows = Rows::of(vertices, shapes);
     }
-    let left = farthest_of_frames(flat, weights, shapes).into_iter();
-    left.fold(0.0, |error, one| one.0.max(error))
+    let left = farthest_of_frames(flat, weights, shapes, watch)?.into_iter();
+    Ok(left.fold(0.0, |error, one| one.0.max(error)))
 }
 
 /// Some vertices, and the part of each shape that moves them.
@@ -119,18 +126,22 @@ impl Rows {
         weights: &mut Array2<f32>,
         frames: &[usize],
         bounds: &[f32],
-    ) {
+        watch: &Watch<'_>,
+    ) -> Result<()> {
         let thinned: Vec<Vec<f32>> = frames
             .par_iter()
             .map(|&t| {
                 let mut row = weights.row(t).to_vec();
-                self.thin_frame(flat.row(t), &mut row, bounds[t]);
+                if watch.is_wanted() {
+                    self.thin_frame(flat.row(t), &mut row, bounds[t]);
+                }
                 row
             })
             .collect();
         for (&t, row) in frames.iter().zip(thinned) {
             weights.row_mut(t).assign(&ArrayView1::from(&row));
         }
+        watch.check()
     }
 
     fn thin_frame(&self, frame: ArrayView1<'_, f32>, weights: &mut [f32], bound: f32) {
@@ -207,10 +218,14 @@ fn farthest_of_frames(
     flat: &Array2<f32>,
     weights: &Array2<f32>,
     shapes: &Array2<f32>,
-) -> Vec<(f32, usize)> {
+    watch: &Watch<'_>,
+) -> Result<Vec<(f32, usize)>> {
     let (frames, coordinates) = flat.dim();
     let starts: Vec<usize> = (0..frames).step_by(FRAMES_PER_TASK).collect();
     let farthest_in = |&first: &usize| {
+        if !watch.is_wanted() {
+            return Vec::new();
+        }
         let count = FRAMES_PER_TASK.min(frames - first);
         let weights = view(weights).subrows(first, count);
         let mut left = vec![0.0; count * coordinates];
@@ -226,12 +241,24 @@ fn farthest_of_frames(
         let farthest = farthest.map(|(square, vertex)| (square.sqrt(), vertex));
         farthest.collect::<Vec<_>>()
     };
-    starts.par_iter().map(farthest_in).flatten_iter().collect()
+    let farthest = starts.par_iter().map(farthest_in).flatten_iter().collect();
+    watch.check().map(|()| farthest)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::SILENT;
+
+    fn thinned(
+        flat: &Array2<f32>,
+        weights: &mut Array2<f32>,
+        shapes: &Array2<f32>,
+        max_error: f32,
+    ) -> f32 {
+        let watch = Watch::new(SILENT, "test", 0.0);
+        sparsify(flat, weights, shapes, (max_error, 0.0), &watch).unwrap()
+    }
 
     /// Forty shapes over `vertices`. Each frame moves all of them, some only a little.
     fn motion(frames: usize, vertices: usize) -> (Array2<f32>, Array2<f32>, Array2<f32>) {
@@ -250,7 +277,7 @@ mod tests {
         for vertices in [30, 3000] {
             let (flat, mut weights, shapes) = motion(50, vertices);
             let before = weights.clone();
-            let error = sparsify(&flat, &mut weights, &shapes, 0.1, 0.0);
+            let error = thinned(&flat, &mut weights, &shapes, 0.1);
             let left = &flat - &weights.dot(&shapes.t());
             let there = longest_square(matrix::values(&left)).sqrt();
             assert!(
@@ -282,7 +309,7 @@ mod tests {
         assert!(!Rows::farthest(&shapes).vertices.contains(&(vertices - 1)));
         let mut weights = Array2::from_elem((3, 40), 0.04);
         let flat = weights.dot(&shapes.t());
-        let error = sparsify(&flat, &mut weights, &shapes, 0.05, 0.0);
+        let error = thinned(&flat, &mut weights, &shapes, 0.05);
         let left = &flat - &weights.dot(&shapes.t());
         assert!(longest_square(matrix::values(&left)).sqrt() <= 0.05 + 1e-6);
         assert!(error <= 0.05);
@@ -292,7 +319,7 @@ mod tests {
     fn shapes_that_all_matter_stay() {
         let (flat, weights, shapes) = motion(10, 30);
         let mut sparse = weights.clone();
-        sparsify(&flat, &mut sparse, &shapes, 0.0, 0.0);
+        thinned(&flat, &mut sparse, &shapes, 0.0);
         assert_eq!(sparse, weights);
     }
 }

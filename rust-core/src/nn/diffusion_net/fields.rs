@@ -6,12 +6,15 @@ use ndarray::{Array2, Array3};
 use rayon::prelude::*;
 
 use super::block::{Block, Coefficients};
-use crate::nn::{
-    elementwise::{tanh, vectorised},
-    linear::Linear,
-    matrix::{self, rows_of, view, view_mut},
-    panels::{Finish, Start},
-    surface::Surface,
+use crate::{
+    job::Watch,
+    nn::{
+        elementwise::{tanh, vectorised},
+        linear::Linear,
+        matrix::{self, rows_of, view, view_mut},
+        panels::{Finish, Start},
+        surface::Surface,
+    },
 };
 
 /// Rows processed at once. Their operators and intermediate fields stay in a cache of 1 MB. A
@@ -25,6 +28,8 @@ const PIECES: usize = 32;
 pub(super) struct Fields<'a> {
     surface: &'a Surface,
     width: usize,
+    /// If the job is cancelled, the rest of the values stays unfinished.
+    watch: &'a Watch<'a>,
     pub(super) pieces: Vec<Piece>,
 }
 
@@ -42,6 +47,7 @@ impl<'a> Fields<'a> {
         batch: usize,
         width: usize,
         surface: &'a Surface,
+        watch: &'a Watch<'a>,
         first: impl Fn(usize, Range<usize>, &mut [f32]) + Sync,
     ) -> Self {
         let vertices = surface.vertices();
@@ -53,7 +59,7 @@ impl<'a> Fields<'a> {
                 |work, index| {
                     let rows = index * rows_each..((index + 1) * rows_each).min(vertices);
                     let mut piece = Piece::new(rows.clone(), batch, width, surface.eigenpairs());
-                    for tile in tiles(rows) {
+                    for tile in tiles(rows).take_while(|_| watch.is_wanted()) {
                         for field in 0..batch {
                             let x = piece.tile(field, &tile, width);
                             first(field, tile.clone(), x);
@@ -67,6 +73,7 @@ impl<'a> Fields<'a> {
         Fields {
             surface,
             width,
+            watch,
             pieces,
         }
     }
@@ -74,7 +81,7 @@ impl<'a> Fields<'a> {
     /// Applies one block to every field. `spectra`: whether another block follows and needs the
     /// spectra.
     pub(super) fn apply(&mut self, block: &Block, spectra: bool) {
-        let (surface, width) = (self.surface, self.width);
+        let (surface, width, watch) = (self.surface, self.width, self.watch);
         let coefficients: Vec<Coefficients> = (0..self.batch())
             .into_par_iter()
             .map(|field| block.coefficients(self.spectrum(field), &surface.evals))
@@ -83,7 +90,7 @@ impl<'a> Fields<'a> {
             || Workspace::new(surface, width),
             |work, piece| {
                 piece.spectra.iter_mut().for_each(|s| s.fill(0.0));
-                for tile in tiles(piece.rows.clone()) {
+                for tile in tiles(piece.rows.clone()).take_while(|_| watch.is_wanted()) {
                     work.add_gradients(surface, &tile);
                     for (field, coefficients) in coefficients.iter().enumerate() {
                         let x = piece.tile(field, &tile, width);

@@ -28,7 +28,8 @@ fn check(golden: &Golden, shape: DiffusionNetShape, tolerance: f32) {
         let x = view(&x).subrows(rows.start, rows.len());
         network.first_lin.forward_rows(x, out);
     };
-    let mut fields = Fields::new(1, shape.width, &surface, first);
+    let watch = Watch::new(SILENT, "test", 0.0);
+    let mut fields = Fields::new(1, shape.width, &surface, &watch, first);
     for (index, block) in network.blocks.iter().enumerate() {
         fields.apply(block, index + 1 < shape.blocks);
         let got: Vec<f32> = fields
@@ -98,4 +99,16 @@ fn number_of_threads_changes_no_bit() {
     let one = with(1);
     assert_eq!(one, with(2));
     assert_eq!(one, with(5));
+}
+
+#[test]
+fn cancelled_values_are_not_returned() {
+    let golden = Golden::open("diffusion_net_random");
+    let (network, surface) = (network(&golden, RANDOM), golden.surface());
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    // The host cancels in the middle, and only once.
+    let host = |_| asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) != 1;
+    let watch = Watch::new(&host, "test", 0.0);
+    let ended = network.forward_from(1, &surface, &watch, |_, _, out| out.fill(0.0));
+    assert!(matches!(ended, Err(crate::Error::Cancelled)));
 }

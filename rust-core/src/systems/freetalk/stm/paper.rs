@@ -26,6 +26,7 @@ use super::{
 };
 use crate::{
     Error, Result,
+    job::Watch,
     mesh::ibug::LANDMARKS,
     models::Weights,
     nn::{
@@ -211,15 +212,19 @@ impl PaperDecoder {
     /// Displacement of each vertex, decimetres, `[T, V, 3]`.
     ///
     /// `landmarks`: `[T, 68, 3]`, displacements in decimetres.
-    pub fn decode(
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(super) fn decode(
         &self,
         mesh: &MeshFeatures,
         landmarks: ArrayView3<'_, f32>,
         surface: &Surface,
-    ) -> Array3<f32> {
+        watch: &Watch<'_>,
+    ) -> Result<Array3<f32>> {
         let frames = self.read_landmarks(landmarks);
         self.decoder
-            .forward_from(frames.len(), surface, |frame, rows, out| {
+            .forward_from(frames.len(), surface, watch, |frame, rows, out| {
                 self.first_layer(mesh, &frames[frame], rows, out);
             })
     }
@@ -362,7 +367,20 @@ impl PaperDecoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::golden::{Golden, distance};
+    use crate::{
+        job::SILENT,
+        nn::golden::{Golden, distance},
+    };
+
+    fn decode(
+        decoder: &PaperDecoder,
+        mesh: &MeshFeatures,
+        landmarks: ArrayView3<'_, f32>,
+        surface: &Surface,
+    ) -> Array3<f32> {
+        let watch = Watch::new(SILENT, "test", 0.0);
+        decoder.decode(mesh, landmarks, surface, &watch).unwrap()
+    }
 
     fn decoder(golden: &Golden) -> PaperDecoder {
         let config = PaperConfig::from_json(&golden.metadata("config")).unwrap();
@@ -377,7 +395,7 @@ mod tests {
         let error = distance(&mesh.features, &golden.matrix("features"));
         assert!(error < 1e-4, "features {error}");
         let landmarks = golden.cube("landmarks");
-        let got = decoder.decode(&mesh, landmarks.view(), &surface);
+        let got = decode(&decoder, &mesh, landmarks.view(), &surface);
         let error = distance(&got, &golden.cube("output"));
         assert!(error < 1e-4, "output {error}");
     }
@@ -410,9 +428,9 @@ mod tests {
         let (decoder, surface) = (decoder(&golden), golden.surface());
         let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
         let landmarks = golden.cube("landmarks");
-        let forward = decoder.decode(&mesh, landmarks.view(), &surface);
+        let forward = decode(&decoder, &mesh, landmarks.view(), &surface);
         let reversed = landmarks.slice(s![..;-1, .., ..]);
-        let backward = decoder.decode(&mesh, reversed, &surface);
+        let backward = decode(&decoder, &mesh, reversed, &surface);
         assert_eq!(forward.slice(s![..;-1, .., ..]), backward);
     }
 
@@ -422,14 +440,14 @@ mod tests {
         let (decoder, surface) = (decoder(&golden), golden.surface());
         let mesh = decoder.encode(golden.matrix("vertex_inputs"), &surface);
         let landmarks = golden.cube("landmarks");
-        let batch = decoder.decode(&mesh, landmarks.view(), &surface);
+        let batch = decode(&decoder, &mesh, landmarks.view(), &surface);
         for threads in [1, 2, 5] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let pool = pool.build().unwrap();
             for frame in 0..landmarks.len_of(Axis(0)) {
                 let range = s![frame..frame + 1, .., ..];
                 let alone =
-                    pool.install(|| decoder.decode(&mesh, landmarks.slice(range), &surface));
+                    pool.install(|| decode(&decoder, &mesh, landmarks.slice(range), &surface));
                 assert_eq!(
                     alone,
                     batch.slice(range),

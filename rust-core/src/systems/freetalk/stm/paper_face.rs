@@ -12,7 +12,7 @@ use crate::{
     cache::Cache,
     deform::{Corrected, SolvedSkin},
     face::{Deformer, Face, FaceSurface, proxy::Prolongation},
-    job::{ProgressFn, report},
+    job::{ProgressFn, Watch, report},
     mesh::{Mesh, Similarity, ibug::LANDMARKS},
     nn::surface::Surface,
     operators::{NO_ROW, OperatorOptions, Operators},
@@ -54,7 +54,9 @@ pub fn prepare_paper(
     let solved = SolvedSkin::new(face, cache, progress)?;
     let config = decoder.config();
     let near = SkinNearby::of(solved.surface)?;
-    let surface = near.operators.surface(config.eigenpairs, 10.0, cache)?;
+    let surface = near
+        .operators
+        .surface(config.eigenpairs, 10.0, cache, progress)?;
     report(progress, "weights", 0.9)?;
     let features = decoder.encode(near.vertex_inputs(), &surface);
     report(progress, "weights", 1.0)?;
@@ -89,9 +91,12 @@ impl Deformer for PaperFace {
             report(progress, "deform", first as f32 / frames as f32)?;
             let range = s![first..(first + batch).min(frames), .., ..];
             let decimetres = self.to_decimetres(landmarks.slice(range));
-            let moved = self
-                .decoder
-                .decode(&self.features, decimetres.view(), &self.surface);
+            let moved = self.decoder.decode(
+                &self.features,
+                decimetres.view(),
+                &self.surface,
+                &Watch::new(progress, "deform", first as f32 / frames as f32),
+            )?;
             let moved = self.to_mesh(moved);
             let mut targets = out.slice_mut(range);
             let frames = targets.axis_iter_mut(Axis(0)).zip(moved.axis_iter(Axis(0)));
