@@ -68,7 +68,7 @@ impl FrameSink for HostSink {
         }
     }
 
-    fn finish(&mut self) -> anyface::Result<()> {
+    fn finish(&mut self, _progress: ProgressFn<'_>) -> anyface::Result<()> {
         Ok(())
     }
 }

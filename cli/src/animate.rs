@@ -109,8 +109,8 @@ impl Animate {
             let frames = frames_of(heard_s, request.fps);
             let vertices = mesh.positions.len();
             let frames_in_memory = if Format::from_path(&self.out)?.is_scene() {
-                // The shapes are computed from all frames, with two copies of them in memory.
-                3 * frames_of(duration_s, request.fps) + self.scene.count_shape_frames(&self.out)
+                let frames = frames_of(duration_s, request.fps);
+                ClipFile::frames_in_memory(frames) + self.scene.count_shape_frames(&self.out)
             } else {
                 self.layers.count_frames_in_memory(frames, &mesh)
             };

@@ -149,8 +149,8 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
         self.timed(|sink| sink.take(block))
     }
 
-    fn finish(&mut self) -> Result<()> {
-        self.timed(|sink| sink.finish())
+    fn finish(&mut self, progress: ProgressFn<'_>) -> Result<()> {
+        self.timed(|sink| sink.finish(progress))
     }
 }
 
@@ -213,7 +213,7 @@ pub fn speak_into(
     let motion = started.elapsed().saturating_sub(on_face);
     note(report, "motion", motion);
     note(report, "deform", on_face.saturating_sub(sink.spent));
-    sink.finish()?;
+    sink.finish(progress)?;
     note(report, "write", sink.spent);
     let articulation = request.articulation();
     note_result(report, &path, face, request.fps, articulation, result);

@@ -6,8 +6,8 @@
 //! ([`binding`](crate::face::binding)). [`StaticWeights`] adds a learned part, and [`Creases`] adds
 //! the detail that another face shows between the landmarks. [`Corrected`] adds everything that is
 //! not linear: the jaw's rotation, lips that touch, lids that slide over their eyeballs.
-//! [`compression`] turns the result into a few basis shapes, and [`projection`] fits these shapes
-//! to other motion.
+//! [`compression`] turns the result into a few basis shapes, [`long_compression`] does so for clips
+//! that do not fit into memory, and [`projection`] fits these shapes to other motion.
 
 pub mod compression;
 mod contact;
@@ -20,6 +20,7 @@ pub(crate) mod fade;
 pub mod jaw;
 mod joined_lips;
 mod landmark_weights;
+pub mod long_compression;
 mod prepare;
 pub mod projection;
 mod row_weights;

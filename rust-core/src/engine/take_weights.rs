@@ -52,7 +52,7 @@ impl Engine {
             None => {
                 let clip =
                     Collector::collect(|sink| self.spread(face, performance, sink, progress))?;
-                self.threads(|| ready.of_frames(&clip.vertices.displacements, life))?
+                self.threads(|| ready.of_frames(&clip.vertices.displacements, life, progress))?
             }
         };
         Ok(WeightClip {
@@ -117,7 +117,7 @@ mod tests {
                 .unwrap();
             let clip = Collector::collect(|sink| engine.spread(&face, &performance, sink, SILENT));
             let frames = clip.unwrap().vertices.displacements;
-            let slow = ready.of_frames(&frames, &performance.life).unwrap();
+            let slow = ready.of_frames(&frames, &performance.life, SILENT).unwrap();
             assert_eq!(quick.weights.dim(), slow.dim());
             assert!(slow.iter().any(|w| *w > 0.2));
             for ((at, a), b) in quick.weights.indexed_iter().zip(&slow) {

@@ -6,13 +6,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::ArrayView3;
 
 use super::{
     Format,
     cache::write_positions,
     glb::write_glb,
     mdd,
+    moved::{MOST_IN_MEMORY, Moved, SOLVED},
     npz::Archive,
     pc2,
     rows::Rows,
@@ -20,12 +21,11 @@ use super::{
     take_shapes::{TakeShapes, looks},
     targets::Targets,
     usd::write_usd,
-    vrm::{VrmNames, write_vrm_animation},
+    vrm::{VrmNames, VrmWeights, write_vrm_animation},
 };
 use crate::{
     Error, Result,
-    deform::VertexClip,
-    job::Unfinished,
+    job::{ProgressFn, SILENT, Unfinished},
     mesh::{Mesh, ibug::LANDMARKS},
     motion::Life,
     rig::{ARKIT, EyeLook},
@@ -44,7 +44,9 @@ use crate::{
 ///   [`ClipFile::with_shapes`], the shapes of the mesh and solved weights instead.
 /// - VRMA: the expressions of avatars, for which it needs the shapes.
 ///
-/// A GLB, USD or VRMA is written once all frames are there. Until then they stay in memory.
+/// A GLB, USD or VRMA is written once all frames are there. Until then they stay in memory, or beside
+/// the file if they are more than ten minutes of 25 per second. The shapes of so long a take are
+/// found on some of its frames; all frames are checked.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if number or size of the frames differ from what
 /// was announced, `InvalidInput` for a VRMA without shapes, `Io` if the file cannot be written.
@@ -69,15 +71,22 @@ pub(super) struct Beside {
 
 impl Beside {
     /// The clip as shapes made for it, or as the shapes of its mesh if they are known.
-    fn targets(&self, clip: &VertexClip, scene: &Scene<'_>) -> Result<Targets> {
+    fn targets(
+        &self,
+        mut moved: Moved,
+        scene: &Scene<'_>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Targets> {
         let Some(shapes) = &self.shapes else {
-            let targets = Targets::of_clip(clip, scene.landmarks)?;
-            let weights = looks(clip.displacements.dim().0, scene.life);
+            let frames = moved.frames();
+            let basis = moved.into_basis(Targets::max_error(scene.landmarks), progress)?;
+            let targets = Targets::of_basis(basis, scene.landmarks);
+            let weights = looks(frames, scene.life);
             return Ok(targets.with_looks(&self.eyes, weights.view()));
         };
-        let weights = shapes.arkit(clip.displacements.view(), scene.life)?;
+        let weights = shapes.arkit_of(&mut moved, scene.life, progress)?;
         let targets = Targets::of_rig(shapes.rig(), ARKIT, scene.landmarks);
-        Ok(targets.playing(&ARKIT, weights.view(), clip.fps))
+        Ok(targets.playing(&ARKIT, weights.view(), moved.fps()))
     }
 }
 
@@ -107,6 +116,16 @@ impl ClipFile {
     /// The path at which the file will appear.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// How many frames are in memory at once while a scene of `frames` frames is written.
+    pub fn frames_in_memory(frames: usize) -> usize {
+        // The shapes of a short take are computed from all frames, with two copies of them.
+        3 * if frames > MOST_IN_MEMORY {
+            SOLVED
+        } else {
+            frames
+        }
     }
 
     /// Sets the bytes of the file that the mesh was read from.
@@ -170,7 +189,7 @@ impl ClipFile {
             fps: animation.vertices.fps,
         })?;
         self.write(moved.view(), animation.landmark_displacements.view())?;
-        self.finish()
+        self.finish(SILENT)
     }
 
     /// Adds head, eyes and tongue of the next frames, for formats that hold them. Call it for all
@@ -217,12 +236,14 @@ impl FrameSink for ClipFile {
         self.write(block.displacements.view(), block.landmarks.view())
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(&mut self, progress: ProgressFn<'_>) -> Result<()> {
         let Some(open) = self.open.take() else {
             return Ok(());
         };
+        let life = self.life.as_ref();
+        let beside = &self.beside;
         open.writer
-            .finish(&self.path, open.landmarks, self.life.as_ref(), &self.beside)?;
+            .finish(&self.path, open.landmarks, (life, beside), progress)?;
         open.unfinished.finish()
     }
 }
@@ -241,8 +262,8 @@ enum Body<W: Write + Seek> {
     Npz(Box<Archive<W>>),
     /// The file, the rest positions, and the encoding of numbers.
     PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
-    /// All frames so far. The shapes are made from them after the last one.
-    Shapes(W, Format, Mesh, Vec<f32>),
+    /// The shapes are made from all frames after the last one.
+    Shapes(W, Format, Mesh, Moved),
 }
 
 impl<W: Write + Seek> Writer<W> {
@@ -273,7 +294,8 @@ impl<W: Write + Seek> Writer<W> {
                 Body::PointCache(file, rest(), f32::to_be_bytes)
             }
             Format::Glb | Format::Usda | Format::Vrma => {
-                Body::Shapes(file, format, start.mesh.clone(), Vec::new())
+                let moved = Moved::begin(path, start)?;
+                Body::Shapes(file, format, start.mesh.clone(), moved)
             }
         };
         Ok(Writer {
@@ -296,10 +318,7 @@ impl<W: Write + Seek> Writer<W> {
         match &mut self.body {
             Body::Npz(archive) => archive.values(block),
             Body::PointCache(file, rest, encode) => write_positions(file, block, rest, *encode),
-            Body::Shapes(.., frames) => {
-                frames.extend(block.iter());
-                Ok(())
-            }
+            Body::Shapes(.., moved) => return moved.add(block),
         }
         .map_err(Error::io(path))
     }
@@ -308,8 +327,8 @@ impl<W: Write + Seek> Writer<W> {
         self,
         path: &Path,
         landmarks: Rows,
-        life: Option<&Life>,
-        beside: &Beside,
+        (life, beside): (Option<&Life>, &Beside),
+        progress: ProgressFn<'_>,
     ) -> Result<()> {
         if self.frames_written != self.frames {
             return Err(self.mismatch(self.vertices));
@@ -322,13 +341,7 @@ impl<W: Write + Seek> Writer<W> {
                 .and_then(|()| archive.number("fps", self.fps))
                 .and_then(|()| archive.finish()),
             Body::PointCache(mut file, ..) => file.flush(),
-            Body::Shapes(mut file, format, mesh, frames) => {
-                let sizes = (self.frames, self.vertices, 3);
-                let displacements = Array3::from_shape_vec(sizes, frames);
-                let clip = VertexClip {
-                    displacements: displacements.expect("as many numbers as were announced"),
-                    fps: self.fps,
-                };
+            Body::Shapes(mut file, format, mesh, mut moved) => {
                 let scene = Scene {
                     mesh: &mesh,
                     landmarks: &self.landmarks,
@@ -337,13 +350,16 @@ impl<W: Write + Seek> Writer<W> {
                     sound: beside.sound.as_deref(),
                 };
                 let out = (&mut file, path);
-                let targets = || beside.targets(&clip, &scene);
                 match (format, &beside.shapes) {
                     (Format::Vrma, Some(shapes)) => {
-                        write_vrm_animation(out, &scene, &clip, shapes, beside.names)?;
+                        let names = beside.names;
+                        let weights = VrmWeights::solve(&mut moved, life, shapes, names, progress)?;
+                        write_vrm_animation(out, &scene, &weights, names)?;
                     }
-                    (Format::Usda, _) => write_usd(out, &scene, &targets()?)?,
-                    _ => write_glb(out, &scene, &targets()?)?,
+                    (Format::Usda, _) => {
+                        write_usd(out, &scene, &beside.targets(moved, &scene, progress)?)?;
+                    }
+                    _ => write_glb(out, &scene, &beside.targets(moved, &scene, progress)?)?,
                 }
                 file.flush()
             }

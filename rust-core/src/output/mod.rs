@@ -4,7 +4,7 @@
 //! Every file is written under another name in its folder and renamed when complete, so a full disk
 //! or another failure leaves the old file in place. Frames are streamed into npz, pc2 and mdd: an
 //! hour of animation needs no more memory than the block that is being written. Scenes (GLB, USD,
-//! VRMA) keep all frames in memory until the last one.
+//! VRMA) keep the frames of ten minutes in memory until the last one, and more of them in a file.
 
 mod blend_weights;
 mod cache;
@@ -14,6 +14,7 @@ mod glb;
 mod landmark_motion;
 mod mdd;
 mod motion_file;
+mod moved;
 mod npz;
 mod numpy;
 mod opened_obj;
@@ -51,7 +52,8 @@ use ndarray::ArrayView2;
 use self::{scene::Scene, targets::Targets};
 use crate::{
     Error, Result,
-    job::write_atomically,
+    deform::compression::compress,
+    job::{SILENT, write_atomically},
     mesh::Mesh,
     motion::{LandmarkClip, Life, Motion, MotionKind},
     spread::Animation,
@@ -91,7 +93,11 @@ pub fn glb_of(
         source: Some(source),
         sound: None,
     };
-    let targets = Targets::of_clip(&animation.vertices, &animation.landmarks_neutral)?;
+    let landmarks = &animation.landmarks_neutral;
+    let max_error = Targets::max_error(landmarks);
+    let frames = animation.vertices.displacements.dim().0;
+    let basis = compress(&animation.vertices, max_error, frames.max(1), SILENT)?;
+    let targets = Targets::of_basis(basis, landmarks);
     let mut bytes = Vec::new();
     glb::write_glb((&mut bytes, Path::new("GLB")), &scene, &targets)?;
     Ok(bytes)

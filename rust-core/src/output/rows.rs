@@ -2,7 +2,8 @@
 
 use std::{
     fs::File,
-    io::{self, BufWriter, Seek, SeekFrom, Write},
+    io::{self, BufWriter, Read, Seek, SeekFrom, Write},
+    ops::Range,
     path::{Path, PathBuf},
 };
 
@@ -51,6 +52,24 @@ impl Rows {
         write_values(&mut self.file, rows).map_err(Error::io(&self.path))
     }
 
+    /// Reads some of the rows, `[n, …]` with the last axis fastest.
+    ///
+    /// # Errors
+    /// `Io` if they cannot be read.
+    pub(super) fn read(&mut self, rows: Range<usize>) -> Result<Vec<f32>> {
+        let width: usize = self.shape[1..].iter().product();
+        let mut bytes = vec![0; 4 * width * rows.len()];
+        let start = SeekFrom::Start(4 * (width * rows.start) as u64);
+        let file = &mut self.file;
+        let read = file
+            .seek(start)
+            .and_then(|_| file.get_mut().read_exact(&mut bytes))
+            .and_then(|()| file.seek(SeekFrom::End(0)));
+        read.map_err(Error::io(&self.path))?;
+        let (items, _) = bytes.as_chunks();
+        Ok(items.iter().map(|item| f32::from_le_bytes(*item)).collect())
+    }
+
     /// Shape of the array so far, `[T, …]`.
     pub(super) fn shape(&self) -> &[usize] {
         &self.shape
@@ -92,10 +111,13 @@ mod tests {
         let all = Array3::from_shape_fn((5, 2, 3), |(t, n, i)| (6 * t + 3 * n + i) as f32);
         let mut rows = Rows::beside(&folder.path().join("clip.npz")).unwrap();
         for (from, to) in [(0, 2), (2, 2), (2, 5)] {
+            rows.read(0..rows.shape()[0].min(1)).unwrap();
             rows.add(all.slice(ndarray::s![from..to, .., ..]).into_dyn())
                 .unwrap();
         }
         assert_eq!(rows.shape(), [5, 2, 3]);
+        let middle: Vec<f32> = (6..18u8).map(f32::from).collect();
+        assert_eq!(rows.read(1..3).unwrap(), middle);
         let mut bytes = Vec::new();
         rows.copy_to(&mut bytes).unwrap();
         let (items, rest) = bytes.as_chunks::<4>();

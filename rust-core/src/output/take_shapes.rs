@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 
+use super::moved::Moved;
 use crate::{
     Result,
     face::Rig,
-    job::SILENT,
+    job::ProgressFn,
     mesh::ibug::LANDMARKS,
     motion::Life,
     rig::{ARKIT, SolveOptions, meeting_lips, parts::GAZE_DEGREES, solve},
@@ -53,6 +54,7 @@ impl TakeShapes {
         &self,
         moved: ArrayView3<'_, f32>,
         life: Option<&Life>,
+        progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
         let mut weights = looks(moved.dim().0, life);
         let is_looking = weights.iter().any(|w| *w > 0.0);
@@ -63,15 +65,36 @@ impl TakeShapes {
         };
         let is_free = |name: &&str| !(is_looking && name.starts_with("eyeLook"));
         let names: Vec<&str> = ARKIT.into_iter().filter(is_free).collect();
-        self.solve(&names, left.view(), |s, t, w| weights[[t, number(s)]] = w)?;
+        let take = |s, t, w| weights[[t, number(s)]] = w;
+        self.solve(&names, left.view(), take, progress)?;
         Ok(weights)
+    }
+
+    /// [`TakeShapes::arkit`] of a whole take, stretch by stretch if it is long.
+    ///
+    /// # Errors
+    /// Those of [`solve`], and `Io` of the file in which a long take waits.
+    pub(super) fn arkit_of(
+        &self,
+        moved: &mut Moved,
+        life: Option<&Life>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        moved.solve(ARKIT.len(), |range, part| {
+            let life = life.map(|life| life.frames_of(range));
+            self.arkit(part, life.as_ref(), progress)
+        })
     }
 
     /// Weights `[T, 5]` of [`VOWELS`], solved without any other shapes of the mouth.
     ///
     /// # Errors
     /// Those of [`solve`].
-    pub(super) fn vowels(&self, moved: ArrayView3<'_, f32>) -> Result<Array2<f32>> {
+    pub(super) fn vowels(
+        &self,
+        moved: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
         let of_mouth = |name: &str| {
             ["jaw", "mouth", "cheekPuff", "tongue"]
                 .iter()
@@ -80,11 +103,12 @@ impl TakeShapes {
         let others = ARKIT.into_iter().filter(|name| !of_mouth(name));
         let names: Vec<&str> = VOWEL_SHAPES.into_iter().chain(others).collect();
         let mut weights = Array2::zeros((moved.dim().0, VOWELS.len()));
-        self.solve(&names, moved, |s, t, w| {
+        let take = |s, t, w| {
             if let Some(vowel) = VOWEL_SHAPES.iter().position(|known| *known == s) {
                 weights[[t, vowel]] = w;
             }
-        })?;
+        };
+        self.solve(&names, moved, take, progress)?;
         Ok(weights)
     }
 
@@ -110,6 +134,7 @@ impl TakeShapes {
         names: &[&'a str],
         moved: ArrayView3<'_, f32>,
         mut take: impl FnMut(&'a str, usize, f32),
+        progress: ProgressFn<'_>,
     ) -> Result<()> {
         let known: Vec<(&str, usize)> = names
             .iter()
@@ -122,7 +147,7 @@ impl TakeShapes {
             reports: Vec::new(),
         };
         let options = SolveOptions::default();
-        let solved = solve(&part, known.len(), moved, &self.lips, &options, SILENT)?;
+        let solved = solve(&part, known.len(), moved, &self.lips, &options, progress)?;
         for (column, (name, _)) in solved.weights.columns().into_iter().zip(&known) {
             column
                 .iter()
@@ -174,6 +199,7 @@ pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::SILENT;
 
     /// A rig in which each of these shapes moves two vertices of its own along y.
     fn rig(names: &[&str]) -> Arc<Rig> {
@@ -201,7 +227,7 @@ mod tests {
         life.gaze[[1, 1, 1]] = 12.5f32.to_radians();
         let mut moved = Array3::zeros((2, 6, 3));
         moved.slice_mut(s![1, 4.., 1]).fill(0.005);
-        let weights = shapes.arkit(moved.view(), Some(&life)).unwrap();
+        let weights = shapes.arkit(moved.view(), Some(&life), SILENT).unwrap();
         let at = |t: usize, name: &str| weights[[t, number(name)]];
         assert!((at(1, "eyeLookUpLeft") - 0.5).abs() < 1e-6);
         assert!((at(1, "eyeLookInRight") - 0.5).abs() < 1e-6);
@@ -219,7 +245,7 @@ mod tests {
         let mut moved = Array3::zeros((1, 6, 3));
         moved.slice_mut(s![0, 2..4, 1]).fill(0.008);
         moved.slice_mut(s![0, 4.., 1]).fill(0.01);
-        let weights = shapes.vowels(moved.view()).unwrap();
+        let weights = shapes.vowels(moved.view(), SILENT).unwrap();
         assert!((weights[[0, 2]] - 0.8).abs() < 0.01, "{weights}");
         assert_eq!((weights[[0, 0]], weights[[0, 1]]), (0.0, 0.0));
     }

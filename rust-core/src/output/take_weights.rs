@@ -116,8 +116,13 @@ impl TakeWeights {
     ///
     /// # Errors
     /// Those of [`crate::rig::solve`].
-    pub(crate) fn of_frames(&self, frames: &Array3<f32>, life: &Life) -> Result<Array2<f32>> {
-        self.shapes.arkit(frames.view(), Some(life))
+    pub(crate) fn of_frames(
+        &self,
+        frames: &Array3<f32>,
+        life: &Life,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        self.shapes.arkit(frames.view(), Some(life), progress)
     }
 
     /// Weights `[T, 52]` of a take that consists of weights, adjusted so that the lips meet on this

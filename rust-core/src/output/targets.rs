@@ -6,13 +6,11 @@
 //! that adds. If all weights are 0, the mesh is at rest. If all weights are halved, so is the
 //! motion.
 
-use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
+use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
 
 use crate::{
-    Result,
-    deform::{VertexClip, compression::compress},
+    deform::compression::VertexBasis,
     face::Rig,
-    job::SILENT,
     mesh::{canonical_landmarks, ibug::LANDMARKS},
     rig::{ARKIT, EyeLook},
 };
@@ -46,24 +44,30 @@ pub(super) struct Targets {
 }
 
 impl Targets {
-    /// Makes the shapes of a clip. `landmarks`: those of its mesh at rest.
-    ///
-    /// # Errors
-    /// Those of [`compress`].
-    pub(super) fn of_clip(clip: &VertexClip, landmarks: &[[f32; 3]; LANDMARKS]) -> Result<Targets> {
-        let unit = units_per_metre(landmarks);
-        let frames = clip.displacements.dim().0;
-        let mut basis = compress(clip, MAX_ERROR_M * unit, frames.max(1), SILENT)?;
-        leave_out(&mut basis.shapes, MAX_LEFT_OUT_M * unit);
+    /// The error in mesh units that the basis of a clip may have. `landmarks`: those of its mesh at
+    /// rest.
+    pub(super) fn max_error(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+        MAX_ERROR_M * units_per_metre(landmarks)
+    }
+
+    /// The shapes of a clip, from its basis. `landmarks`: those of its mesh at rest.
+    pub(super) fn of_basis(mut basis: VertexBasis, landmarks: &[[f32; 3]; LANDMARKS]) -> Targets {
+        leave_out(
+            &mut basis.shapes,
+            MAX_LEFT_OUT_M * units_per_metre(landmarks),
+        );
+        let frames = basis.weights.nrows();
         let mut shapes = Vec::new();
-        let mut columns = Vec::new();
+        let mut weights = Array2::ones((frames, basis.weights.ncols() + 1));
         let mut back = Array2::zeros((basis.shapes.dim().1, 3));
         let components = basis.shapes.outer_iter().zip(basis.weights.columns());
-        for (k, (shape, weights)) in components.enumerate() {
-            let low = weights.iter().copied().fold(0.0, f32::min);
-            let range = weights.iter().copied().fold(0.0, f32::max) - low;
+        for (k, (shape, column)) in components.enumerate() {
+            let low = column.iter().copied().fold(0.0, f32::min);
+            let range = column.iter().copied().fold(0.0, f32::max) - low;
             if range > 0.0 {
-                columns.push(weights.mapv(|w| ((w - low) / range).clamp(0.0, 1.0)));
+                let raised = column.iter().map(|w| ((w - low) / range).clamp(0.0, 1.0));
+                let to = weights.column_mut(shapes.len());
+                to.into_iter().zip(raised).for_each(|(to, w)| *to = w);
                 shapes.push(Target {
                     name: format!("Anyface {}", k + 1),
                     moved: sparse(shape, range, 0.0),
@@ -71,22 +75,23 @@ impl Targets {
                 back.scaled_add(low, &shape);
             }
         }
+        let mut columns = shapes.len();
         let moved = sparse(back.view(), 1.0, 0.0);
         if !moved.is_empty() {
             let name = "Anyface back".to_owned();
             shapes.push(Target { name, moved });
-            columns.push(Array1::ones(frames));
+            // The weights of the columns that are left are still 1.
+            columns += 1;
         }
-        let mut weights = Array2::zeros((frames, columns.len()));
-        for (mut to, from) in weights.axis_iter_mut(Axis(1)).zip(&columns) {
-            to.assign(from);
+        if columns < weights.ncols() {
+            weights = weights.slice(s![.., ..columns]).to_owned();
         }
-        Ok(Targets {
+        Targets {
             shapes,
             weights,
-            fps: clip.fps,
+            fps: basis.fps,
             stand_alone: false,
-        })
+        }
     }
 
     /// Adds shapes that turn the eyes. `weights`: `[T, 52]` of [`ARKIT`]. Shapes whose weight stays

@@ -11,6 +11,7 @@ use super::{
 
 use crate::{
     deform::VertexClip,
+    job::SILENT,
     mesh::ibug::LANDMARKS,
     motion::{FaceModes, WeightClip},
     spread::{ClipStart, FrameBlock, FrameSink},
@@ -24,7 +25,12 @@ fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
     let all = animation.vertices.displacements.view();
     writer.write(path, all.slice_axis(ndarray::Axis(0), (..1).into()))?;
     writer.write(path, all.slice_axis(ndarray::Axis(0), (1..).into()))?;
-    writer.finish(path, landmarks(&animation), None, &Beside::default())
+    writer.finish(
+        path,
+        landmarks(&animation),
+        (None, &Beside::default()),
+        SILENT,
+    )
 }
 
 fn start<'a>(mesh: &'a Mesh, animation: &'a Animation) -> ClipStart<'a> {
@@ -256,7 +262,7 @@ fn frames_are_held_to_the_announced_shape_and_failures_leave_nothing() {
         let first = all.slice_axis(ndarray::Axis(0), (..frames).into());
         file.take(block(first.to_owned()))?;
         file.take(block(Array3::zeros((1, 5, 3))))?;
-        file.finish()
+        file.finish(SILENT)
     };
     for frames in [2, 4] {
         assert!(matches!(write(frames), Err(Error::ShapeMismatch { .. })));

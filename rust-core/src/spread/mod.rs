@@ -327,7 +327,7 @@ impl<'a> Spread<'a> {
     ) -> Result<SpreadReport> {
         sink.begin(&self.start())?;
         let report = self.part_into_sink(sink, progress)?;
-        sink.finish()?;
+        sink.finish(progress)?;
         Ok(report)
     }
 

@@ -5,7 +5,7 @@ use ndarray::{Array3, Axis, concatenate};
 use crate::{
     Error, Result,
     deform::VertexClip,
-    job::memory::available,
+    job::{ProgressFn, memory::available},
     mesh::{Mesh, ibug::LANDMARKS},
 };
 
@@ -63,8 +63,8 @@ pub trait FrameSink: Send {
     /// Ends the clip, after its last frame.
     ///
     /// # Errors
-    /// Any error of the sink.
-    fn finish(&mut self) -> Result<()>;
+    /// Any error of the sink; `Cancelled`.
+    fn finish(&mut self, progress: ProgressFn<'_>) -> Result<()>;
 }
 
 /// A finished performance on one mesh.
@@ -180,7 +180,7 @@ impl FrameSink for Collector {
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(&mut self, _progress: ProgressFn<'_>) -> Result<()> {
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use anyface::{
     Error, Face, Result,
-    job::SILENT,
+    job::{ProgressFn, SILENT},
     mesh::PartChoices,
     motion::{LandmarkClip, Motion, WeightClip},
     rig::ShapeSource,
@@ -89,7 +89,7 @@ impl FrameSink for Small {
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(&mut self, _progress: ProgressFn<'_>) -> Result<()> {
         self.finished = true;
         Ok(())
     }

@@ -59,8 +59,8 @@ pub(super) fn weights(
         let added = columns.iter().map(move |&k| row[k]);
         before.iter().copied().chain(added)
     });
-    let values: Vec<f32> = values.collect();
-    let output = buffer.floats(&values, "SCALAR", None)?;
+    let count = targets.weights.nrows() * (before.len() + columns.len());
+    let output = buffer.scalars(count, values)?;
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }
 

@@ -95,10 +95,25 @@ impl Buffer {
     /// `InvalidInput` for no numbers, because the format allows no empty accessor.
     pub fn floats(&mut self, values: &[f32], kind: &str, bounds: Option<Bounds>) -> Result<usize> {
         if values.is_empty() {
-            let message = "expected at least one frame for a GLB, got none";
-            return Err(Error::InvalidInput(message.into()));
+            return Err(no_frames());
         }
         Ok(self.values(values, kind, bounds, None))
+    }
+
+    /// Adds an accessor of `count` numbers, which it takes one after the other.
+    ///
+    /// # Errors
+    /// `InvalidInput` for no numbers, because the format allows no empty accessor.
+    pub fn scalars(&mut self, count: usize, values: impl Iterator<Item = f32>) -> Result<usize> {
+        if count == 0 {
+            return Err(no_frames());
+        }
+        // Room for them at once, because a list that grows is in memory twice for a while.
+        self.bytes.reserve_exact(4 * count + 4);
+        let view = self.view(values.map(f32::to_le_bytes), None);
+        Ok(self.accessor(json!({
+            "bufferView": view, "componentType": FLOAT, "count": count, "type": "SCALAR",
+        })))
     }
 
     fn values(
@@ -171,6 +186,10 @@ impl Buffer {
         (accessor["min"], accessor["max"]) = (json!(low), json!(high));
         self.accessor(accessor)
     }
+}
+
+fn no_frames() -> Error {
+    Error::InvalidInput("expected at least one frame for a GLB, got none".into())
 }
 
 fn bounds(points: &[[f32; 3]]) -> Bounds {

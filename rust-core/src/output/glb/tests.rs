@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::{
     Error, Result,
+    job::SILENT,
     mesh::{Mesh, canonical_landmarks},
     motion::Life,
     output::ClipFile,
@@ -66,7 +67,7 @@ fn write_with(
         displacements: displacements.clone(),
         landmarks: Array3::zeros((FRAMES, 68, 3)),
     })?;
-    file.finish()?;
+    file.finish(SILENT)?;
     Ok(displacements)
 }
 
@@ -257,7 +258,7 @@ fn eyes_turn_where_the_take_looks() {
         landmarks: Array3::zeros((FRAMES, 68, 3)),
     })
     .unwrap();
-    file.finish().unwrap();
+    file.finish(SILENT).unwrap();
     let mut expected = swing(mesh.positions.len());
     for t in 0..FRAMES {
         expected[[t, 0, 1]] += 0.01 * t as f32 / 5.0;
@@ -443,4 +444,99 @@ fn the_file_of_another_mesh_is_refused() {
         matches!(&error, Error::InvalidInput(m) if m.contains("7 vertices")),
         "{error}"
     );
+}
+
+/// Twenty minutes, which wait in a file and are compressed in parts.
+#[test]
+fn a_long_take_is_as_near_as_a_short_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let (mesh, frames) = (strip(), 30_000);
+    let swing = |range: std::ops::Range<usize>| {
+        Array3::from_shape_fn((range.len(), 6, 3), |(t, v, i)| {
+            let angle = 0.09 * (range.start + t) as f32 + (v * (i + 1)) as f32;
+            0.004 * angle.sin() * (0.0007 * angle).cos()
+        })
+    };
+    let mut file = ClipFile::new(&path).unwrap();
+    file.begin(&ClipStart {
+        mesh: &mesh,
+        landmarks: canonical_landmarks(),
+        frames,
+        fps: FPS,
+    })
+    .unwrap();
+    for first in (0..frames).step_by(5_000) {
+        file.take(FrameBlock {
+            displacements: swing(first..first + 5_000),
+            landmarks: Array3::zeros((5_000, 68, 3)),
+        })
+        .unwrap();
+    }
+    file.finish(SILENT).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let weights = weights(&document, &buffers, 0);
+    let primitive = document
+        .meshes()
+        .next()
+        .unwrap()
+        .primitives()
+        .next()
+        .unwrap();
+    let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+    let targets: Vec<Vec<[f32; 3]>> = reader
+        .read_morph_targets()
+        .map(|(positions, ..)| positions.unwrap().collect())
+        .collect();
+    assert_eq!(weights.len(), frames * targets.len());
+    let expected = swing(0..frames);
+    for t in (0..frames).step_by(7) {
+        for v in 0..6 {
+            for i in 0..3 {
+                let weights = &weights[t * targets.len()..][..targets.len()];
+                let shown: f32 = weights.iter().zip(&targets).map(|(w, d)| w * d[v][i]).sum();
+                assert!(
+                    (shown - expected[[t, v, i]]).abs() < NEAR,
+                    "frame {t}, vertex {v}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scene_that_is_cancelled_at_any_moment_leaves_nothing() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let mesh = strip();
+    let mut asked_before = 0;
+    for moment in 0.. {
+        let mut file = ClipFile::new(&path).unwrap();
+        file.begin(&ClipStart {
+            mesh: &mesh,
+            landmarks: canonical_landmarks(),
+            frames: FRAMES,
+            fps: FPS,
+        })
+        .unwrap();
+        file.take(FrameBlock {
+            displacements: swing(mesh.positions.len()),
+            landmarks: Array3::zeros((FRAMES, 68, 3)),
+        })
+        .unwrap();
+        let asked = AtomicUsize::new(0);
+        // The host cancels once, at this moment.
+        let ended = file.finish(&|_| asked.fetch_add(1, Ordering::Relaxed) != moment);
+        drop(file);
+        if asked.load(Ordering::Relaxed) <= moment {
+            assert!(ended.is_ok() && path.exists());
+            assert!(asked_before > 8, "asked {asked_before} times");
+            return;
+        }
+        asked_before = moment + 1;
+        assert!(matches!(ended, Err(Error::Cancelled)), "moment {moment}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }

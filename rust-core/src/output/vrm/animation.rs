@@ -3,7 +3,7 @@
 use std::{io::Write, path::Path};
 
 use glam::{EulerRot, Quat, Vec3};
-use ndarray::ArrayView1;
+use ndarray::{Array2, ArrayView1, ArrayView3};
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -12,10 +12,11 @@ use super::{
 };
 use crate::{
     Result,
-    deform::VertexClip,
+    job::ProgressFn,
     motion::Life,
     output::{
         glb::{Buffer, Document, Track, animation, times, write_document},
+        moved::Moved,
         scene::Scene,
         take_shapes::{TakeShapes, VOWELS},
     },
@@ -35,23 +36,52 @@ pub enum VrmNames {
     Vrm,
 }
 
+/// The weights of a take for an avatar.
+pub struct VrmWeights {
+    /// `[T, 52]` of [`ARKIT`].
+    pub arkit: Array2<f32>,
+    /// `[T, 5]` of [`VOWELS`]; `None` if the animation has only the expressions of Perfect Sync.
+    pub vowels: Option<Array2<f32>>,
+    pub fps: f64,
+}
+
+impl VrmWeights {
+    /// Solves a take for the weights of the expressions with these names.
+    ///
+    /// # Errors
+    /// Those of the solve.
+    pub fn solve(
+        moved: &mut Moved,
+        life: Option<&Life>,
+        shapes: &TakeShapes,
+        names: VrmNames,
+        progress: ProgressFn<'_>,
+    ) -> Result<VrmWeights> {
+        let arkit = shapes.arkit_of(moved, life, progress)?;
+        let vowels = if names == VrmNames::PerfectSync {
+            None
+        } else {
+            let solve = |_, part: ArrayView3<'_, f32>| shapes.vowels(part, progress);
+            Some(moved.solve(VOWELS.len(), solve)?)
+        };
+        let fps = moved.fps();
+        Ok(VrmWeights { arkit, vowels, fps })
+    }
+}
+
 /// Writes a take at `path`.
 ///
 /// # Errors
-/// Those of the solve and of the writer, and `InvalidInput` for a clip without frames.
+/// Those of the writer, and `InvalidInput` for a clip without frames.
 pub fn write_vrm_animation(
     file: (&mut impl Write, &Path),
     scene: &Scene<'_>,
-    clip: &VertexClip,
-    shapes: &TakeShapes,
+    weights: &VrmWeights,
     names: VrmNames,
 ) -> Result<()> {
-    let moved = clip.displacements.view();
-    let frames = moved.dim().0;
-    let arkit = shapes.arkit(moved, scene.life)?;
-    let mut take = Take::new(frames, clip.fps)?;
-    if names != VrmNames::PerfectSync {
-        let vowels = shapes.vowels(moved)?;
+    let VrmWeights { arkit, vowels, fps } = weights;
+    let mut take = Take::new(arkit.nrows(), *fps)?;
+    if let Some(vowels) = vowels {
         for (name, weights) in VOWELS.iter().zip(vowels.columns()) {
             take.expression("preset", name, weights)?;
         }

@@ -13,7 +13,7 @@ mod old_groups;
 mod skeleton;
 
 pub use animation::VrmNames;
-pub(super) use animation::write_vrm_animation;
+pub(super) use animation::{VrmWeights, write_vrm_animation};
 pub use avatar::write_avatar;
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::{VrmNames, avatar::avatar};
 use crate::{
     Error, Result,
     face::Rig,
+    job::SILENT,
     mesh::{Mesh, canonical_landmarks, glb_chunks},
     motion::Life,
     output::{ClipFile, TakeShapes, glb::Document, scene::Scene},
@@ -292,7 +293,7 @@ fn take(path: &std::path::Path, names: VrmNames) -> Result<()> {
         displacements,
         landmarks: Array3::zeros((2, 68, 3)),
     })?;
-    file.finish()
+    file.finish(SILENT)
 }
 
 /// The values with which the animation moves a node.
