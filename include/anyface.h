@@ -270,10 +270,10 @@ typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 typedef struct AnyfaceProgress AnyfaceProgress;
 
 /// How an engine, a face and a performance shall be. `anyface_describe()` lists the names of fields
-/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()` and
-/// `anyface_rig_new()` say what else they read. Whatever is not set has its default. One request may
-/// serve any number of engines, faces and performances: each reads only what concerns it. No other
-/// call may use it while it is changed.
+/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()`,
+/// `anyface_rig_new()` and `anyface_stream_obey()` say what else they read. Whatever is not set has
+/// its default. One request may serve any number of engines, faces, performances and streams: each
+/// reads only what concerns it. No other call may use it while it is changed.
 typedef struct AnyfaceRequest AnyfaceRequest;
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any
@@ -923,14 +923,6 @@ AnyfaceStatus anyface_opened_face_copy_landmarks(const AnyfaceOpenedFace *opened
 
 /// Frees an opened face that no running call uses; nothing happens for NULL.
 void anyface_opened_face_free(AnyfaceOpenedFace *opened);
-
-/// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".
-///
-/// `strengths` receives `ANYFACE_EMOTION_COUNT` values, one for each of the `emotions` of
-/// `anyface_describe()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for an unknown name, a strength below 0, or strengths
-/// whose sum is above 1.5.
-AnyfaceStatus anyface_emotion_parse(const char *text, float *strengths, AnyfaceError **error);
 
 /// Frees a text that a function wrote to a `char **`; nothing happens for NULL.
 void anyface_text_free(char *text);
@@ -1827,27 +1819,20 @@ AnyfaceStatus anyface_stream_pull(AnyfaceStream *stream,
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 AnyfaceStatus anyface_stream_finish(AnyfaceStream *stream, AnyfaceError **error);
 
-/// Sets the emotion from the next frame on, which is the first one of the next pull.
+/// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
+/// - "emotion": names and strengths that do not change over time; neutral if it is not set.
+/// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
+///   stays so. Otherwise only speech does.
+/// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
+///   face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and 0 s
+///   ahead. Without it a stream looks as far ahead as it can.
 ///
-/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
-AnyfaceStatus anyface_stream_set_emotion(AnyfaceStream *stream,
-                                         const float *strengths,
-                                         AnyfaceError **error);
-
-/// Limits the look-ahead to `seconds`. Call it before the first sound.
-///
-/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
-/// 0 s ahead. Without this call a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
-/// the first sound.
-AnyfaceStatus anyface_stream_look_ahead(AnyfaceStream *stream,
-                                        double seconds,
-                                        AnyfaceError **error);
-
-/// Lets every sound move the face from the next frame on, including singing, music and noise.
-/// Before this call, only speech does.
-AnyfaceStatus anyface_stream_hear_all(AnyfaceStream *stream, AnyfaceError **error);
+/// The request may be changed or freed afterwards.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another emotion, if the system has no look-ahead
+/// that short, or for another look-ahead after the first sound.
+AnyfaceStatus anyface_stream_obey(AnyfaceStream *stream,
+                                  const AnyfaceRequest *request,
+                                  AnyfaceError **error);
 
 /// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 double anyface_stream_latency_s(const AnyfaceStream *stream);
@@ -1898,31 +1883,21 @@ AnyfaceStatus anyface_weight_stream_pull(AnyfaceWeightStream *stream,
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
 AnyfaceStatus anyface_weight_stream_finish(AnyfaceWeightStream *stream, AnyfaceError **error);
 
-/// Sets the emotion from the next frame on.
+/// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
+/// - "emotion": names and strengths that do not change over time; neutral if it is not set. "auto"
+///   shows the emotion that is heard in the sound from now on, updated three times a second.
+/// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
+///   stays so. Otherwise only speech does.
+/// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
+///   face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and 0 s
+///   ahead. Without it a stream looks as far ahead as it can.
 ///
-/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
-AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
-                                                const float *strengths,
-                                                AnyfaceError **error);
-
-/// Shows the emotion that is heard in the sound pushed from now on. It is updated three times a
-/// second, until `anyface_weight_stream_set_emotion()` sets an emotion.
-AnyfaceStatus anyface_weight_stream_hear_emotion(AnyfaceWeightStream *stream, AnyfaceError **error);
-
-/// Limits the look-ahead to `seconds`. Call it before the first sound.
-///
-/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
-/// 0 s ahead. Without this call a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
-/// the first sound.
-AnyfaceStatus anyface_weight_stream_look_ahead(AnyfaceWeightStream *stream,
-                                               double seconds,
-                                               AnyfaceError **error);
-
-/// Lets every sound move the face from the next frame on, including singing, music and noise.
-/// Before this call, only speech does.
-AnyfaceStatus anyface_weight_stream_hear_all(AnyfaceWeightStream *stream, AnyfaceError **error);
+/// The request may be changed or freed afterwards.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another emotion, if the system has no look-ahead
+/// that short, or for another look-ahead after the first sound.
+AnyfaceStatus anyface_weight_stream_obey(AnyfaceWeightStream *stream,
+                                         const AnyfaceRequest *request,
+                                         AnyfaceError **error);
 
 /// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);

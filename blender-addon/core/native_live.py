@@ -91,6 +91,8 @@ class StreamedFace:
     def __init__(self, engine, face, vertices: int):
         self._engine, self._face, self._vertices = engine, face, vertices
         self._handles, self._streams = ExitStack(), ExitStack()
+        # What the stream is asked for beside its emotion.
+        self._numbers: dict[bytes, float] = {}
         self._strengths: np.ndarray | None = None
         self._feels_anew = False
 
@@ -111,19 +113,25 @@ class StreamedFace:
         row = np.ascontiguousarray(strengths, dtype=np.float32)
         if self._strengths is None or not np.array_equal(row, self._strengths):
             self._strengths, self._feels_anew = row, True
-            self._set_emotion()
+            self._obey()
 
     def _open_stream(self) -> None:
         """Replaces the stream with a new one that starts from rest."""
         self._streams.close()
         engine = self._engine
         self._stream = engine._own(self._streams, "stream", "anyface_stream_new", engine._handle)
-        self._set_emotion()
+        self._obey()
 
-    def _set_emotion(self) -> None:
-        if self._strengths is not None:
-            row = self._strengths.ctypes.data_as(_FLOATS)
-            self._engine._call("anyface_stream_set_emotion", self._stream, row)
+    def _obey(self) -> None:
+        """Asks the stream for the emotion and the numbers of this face."""
+        engine = self._engine
+        with ExitStack() as handles:
+            request = engine._own(handles, "request", "anyface_request_new")
+            if self._strengths is not None:
+                engine._rows(request, b"emotion", None, self._strengths[np.newaxis])
+            for name, number in self._numbers.items():
+                engine._call("anyface_request_set_number", request, name, number)
+            engine._call("anyface_stream_obey", self._stream, request)
 
     def _push_samples(self, samples: np.ndarray) -> None:
         if len(samples):
@@ -166,12 +174,14 @@ class ListeningFace(StreamedFace):
         self._recorded: list[np.ndarray] | None = None
         self._recorded_from = 0
         self._open_stream()
+        self._numbers = {b"look_ahead_s": look_ahead}
         try:
-            engine._call("anyface_stream_look_ahead", self._stream, look_ahead)
+            self._obey()
         except AnyfaceError as error:
             # The system cannot look so little ahead: the stream keeps its default.
             if error.kind != "input":
                 raise
+            self._numbers = {}
         self.delay_s = engine._library.anyface_stream_latency_s(self._stream)
 
     @property
@@ -254,9 +264,9 @@ class LiveFace(StreamedFace):
 
     def start(self, frame: int) -> None:
         """Starts the stream at the sound of `frame`, with the face at rest."""
-        self._open_stream()
         # An artist who picks a sound expects all of it to move the face, music and noise too.
-        self._engine._call("anyface_stream_hear_all", self._stream)
+        self._numbers = {b"hear_all": 1.0}
+        self._open_stream()
         self._next = self._first = frame
         self._pushed = frame * _SAMPLES
         self._ended = False

@@ -44,6 +44,7 @@ class WeightStream:
         self._handle = engine._own(
             self._handles, "weight_stream", "anyface_weight_stream_new", engine._handle
         )
+        self._request = engine._own(self._handles, "request", "anyface_request_new")
         self._index = 0
 
     @property
@@ -85,24 +86,28 @@ class WeightStream:
 
     def set_emotion(self, strengths) -> None:
         """Sets the emotion from the next frame on: `[15]` strengths in the order of `EMOTIONS`."""
-        row = np.ascontiguousarray(strengths, dtype=np.float32)
+        row = np.asarray(strengths, dtype=np.float32)
         if row.shape != (len(EMOTIONS),):
             raise AnyfaceError(
                 "input", f"emotion: expected {len(EMOTIONS)} strengths, got {row.shape}"
             )
-        self._call("set_emotion", row.ctypes.data_as(_FLOATS))
+        self._open()
+        self._engine._rows(self._request, b"emotion", None, row[np.newaxis])
+        self._call("obey", self._request)
 
     def hear_emotion(self) -> None:
         """From now on shows the emotion heard in the voice, until `set_emotion` sets one."""
-        self._call("hear_emotion")
+        self._open()
+        self._engine._text(self._request, "emotion", "auto")
+        self._call("obey", self._request)
 
     def look_ahead(self, seconds: float) -> None:
         """Limits the look-ahead to `seconds`. Call it before the first sound."""
-        self._call("look_ahead", seconds)
+        self._obey_number(b"look_ahead_s", seconds)
 
     def hear_all(self) -> None:
         """From now on every sound moves the face: music and noise as well as speech."""
-        self._call("hear_all")
+        self._obey_number(b"hear_all", 1.0)
 
     def close(self) -> None:
         """Frees the stream."""
@@ -114,6 +119,11 @@ class WeightStream:
 
     def __exit__(self, *_):
         self.close()
+
+    def _obey_number(self, name: bytes, number: float) -> None:
+        self._open()
+        self._engine._call("anyface_request_set_number", self._request, name, number)
+        self._call("obey", self._request)
 
     def _call(self, verb: str, *arguments) -> None:
         self._engine._call(f"anyface_weight_stream_{verb}", self._open(), *arguments)

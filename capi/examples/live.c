@@ -43,37 +43,38 @@ static AnyfaceStatus show(Live *live, AnyfaceError **error) {
     }
 }
 
-/* Shows the emotion of that name, or with "auto" the one that is heard. */
-static AnyfaceStatus set_emotion(Live *live, const char *name, AnyfaceError **error) {
-    if (strcmp(name, "auto") == 0) {
-        return anyface_weight_stream_hear_emotion(live->stream, error);
-    }
-    float strengths[ANYFACE_EMOTION_COUNT] = {0};
-    AnyfaceStatus status = anyface_emotion_parse(name, strengths, error);
-    return status == ANYFACE_STATUS_OK
-               ? anyface_weight_stream_set_emotion(live->stream, strengths, error)
-               : status;
-}
-
-/* Does what one word of the command line asks for. */
-static AnyfaceStatus obey(Live *live, const char *word, AnyfaceError **error) {
+/* Asks for what one word of the command line says: "auto" is an emotion too. */
+static AnyfaceStatus ask(AnyfaceRequest *request, const char *word, AnyfaceError **error) {
     if (strcmp(word, "any") == 0) {
-        return anyface_weight_stream_hear_all(live->stream, error);
+        return anyface_request_set_number(request, "hear_all", 1.0, error);
     }
     if (strcmp(word, "soon") == 0) {
-        return anyface_weight_stream_look_ahead(live->stream, 0.07, error);
+        return anyface_request_set_number(request, "look_ahead_s", 0.07, error);
     }
-    return set_emotion(live, word, error);
+    return anyface_request_set_text(request, "emotion", word, error);
 }
 
-static AnyfaceStatus follow(Live *live, char **words, AnyfaceError **error) {
-    AnyfaceStatus status = anyface_engine_new(NULL, &live->engine, error);
+static AnyfaceStatus begin(Live *live, char **words, AnyfaceError **error) {
+    AnyfaceRequest *request = NULL;
+    AnyfaceStatus status = anyface_request_new(&request, error);
+    while (status == ANYFACE_STATUS_OK && *words != NULL) {
+        status = ask(request, *words++, error);
+    }
+    if (status == ANYFACE_STATUS_OK) {
+        status = anyface_engine_new(NULL, &live->engine, error);
+    }
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_weight_stream_new(live->engine, &live->stream, error);
     }
-    while (status == ANYFACE_STATUS_OK && *words != NULL) {
-        status = obey(live, *words++, error);
+    if (status == ANYFACE_STATUS_OK) { /* at any time again, with another emotion */
+        status = anyface_weight_stream_obey(live->stream, request, error);
     }
+    anyface_request_free(request);
+    return status;
+}
+
+static AnyfaceStatus follow(Live *live, char **words, AnyfaceError **error) {
+    AnyfaceStatus status = begin(live, words, error);
     if (status == ANYFACE_STATUS_OK) {
         double latency_s = anyface_weight_stream_latency_s(live->stream);
         fprintf(stderr, "frames come %.0f ms late\n", 1000.0 * latency_s);

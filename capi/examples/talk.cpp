@@ -63,11 +63,11 @@ anyface::Clip perform(const AnyfaceEngine *engine, const Arrays &arrays, const c
     const auto face = anyface::make<anyface::Face>(anyface_face_new, engine, mesh.get(),
                                                    request.get(), progress);
 
-    // Emotion over time: calm at first, surprised after half a second.
-    std::vector<float> strengths(2 * ANYFACE_EMOTION_COUNT);
-    anyface::call(anyface_emotion_parse, "calm:0.3", strengths.data());
-    anyface::call(anyface_emotion_parse, "surprised:0.8", &strengths[ANYFACE_EMOTION_COUNT]);
-    const std::vector<double> rows(strengths.begin(), strengths.end());
+    // Emotion over time, in the order of the emotions of anyface_describe(): calm at first, surprised
+    // after half a second.
+    std::vector<double> rows(2 * ANYFACE_EMOTION_COUNT);
+    rows[3] = 0.3;
+    rows[ANYFACE_EMOTION_COUNT + 4] = 0.8;
     const double times_s[] = {0.0, 0.5};
     anyface::call(anyface_request_set_rows, request.get(), "emotion", times_s, rows.data(),
                   std::size_t{2}, ANYFACE_EMOTION_COUNT);

@@ -21,7 +21,6 @@ mod basis;
 mod clip;
 mod clip_stream;
 mod curves;
-mod emotion;
 mod engine;
 mod error;
 mod face;

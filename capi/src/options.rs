@@ -18,6 +18,8 @@ pub(crate) struct Options {
     pub(crate) face: FaceRequest,
     by_field: bool,
     in_betweens: bool,
+    pub(crate) look_ahead_s: Option<f64>,
+    pub(crate) hears_all: bool,
 }
 
 impl Options {
@@ -134,6 +136,20 @@ pub(crate) static OPTIONS: &[NamedOption] = &[
         name: "in_betweens",
         set: |options, value| {
             options.in_betweens = flag(value)?;
+            Ok(())
+        },
+    },
+    NamedOption {
+        name: "look_ahead_s",
+        set: |options, value| {
+            options.look_ahead_s = Some(value.number()?);
+            Ok(())
+        },
+    },
+    NamedOption {
+        name: "hear_all",
+        set: |options, value| {
+            options.hears_all = flag(value)?;
             Ok(())
         },
     },

@@ -4,7 +4,7 @@ use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
     EngineOptions, Error, MotionRequest,
-    conditions::{ControlStage, Controls},
+    conditions::{ControlStage, Controls, Emotion, EmotionCurve},
     face::FaceOptions,
     rig::ShapeSource,
     systems::{FIELDS, FieldValue, NamedValue, SYSTEMS, describe, set_field},
@@ -22,14 +22,14 @@ use crate::{
 };
 
 /// How an engine, a face and a performance shall be. `anyface_describe()` lists the names of fields
-/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()` and
-/// `anyface_rig_new()` say what else they read. Whatever is not set has its default. One request may
-/// serve any number of engines, faces and performances: each reads only what concerns it. No other
-/// call may use it while it is changed.
+/// and controls that a system obeys; `anyface_engine_new()`, `anyface_face_new()`,
+/// `anyface_rig_new()` and `anyface_stream_obey()` say what else they read. Whatever is not set has
+/// its default. One request may serve any number of engines, faces, performances and streams: each
+/// reads only what concerns it. No other call may use it while it is changed.
 #[derive(Default)]
 pub struct AnyfaceRequest {
     performance: MotionRequest,
-    options: Options,
+    pub(crate) options: Options,
 }
 
 impl AnyfaceRequest {
@@ -79,6 +79,24 @@ impl AnyfaceRequest {
         request.map_or(ShapeSource::Network, |request| {
             request.options.shape_source()
         })
+    }
+
+    /// The emotion that a stream shows.
+    pub(crate) fn emotion(&self) -> &EmotionCurve {
+        &self.performance.emotion
+    }
+
+    /// The emotion, if it is a named one that does not change over time.
+    pub(crate) fn named_emotion(&self) -> Result<Emotion, Failure> {
+        let got = match self.emotion() {
+            EmotionCurve::Constant(emotion) => return Ok(*emotion),
+            EmotionCurve::Keys(_) => "one that changes over time",
+            EmotionCurve::Auto => "auto",
+            EmotionCurve::Arousal => "auto-arousal",
+            EmotionCurve::Off => "off",
+        };
+        let message = format!("emotion: expected a name and a strength for a stream, got {got}");
+        Err(Failure::invalid(message))
     }
 
     /// # Safety

@@ -3,7 +3,7 @@
 use anyface::{mesh::ibug::LANDMARKS, motion::MotionStream};
 
 use crate::{
-    emotion::of_strengths, engine::AnyfaceEngine, error::AnyfaceError, guard, pointer,
+    engine::AnyfaceEngine, error::AnyfaceError, guard, pointer, request::AnyfaceRequest,
     status::AnyfaceStatus,
 };
 
@@ -11,7 +11,11 @@ use crate::{
 ///
 /// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
 /// a time may use a stream.
-pub struct AnyfaceStream(Box<dyn MotionStream>);
+pub struct AnyfaceStream {
+    motion: Box<dyn MotionStream>,
+    /// The look-ahead that was requested.
+    look_ahead_s: Option<f64>,
+}
 
 const fn moves_between_threads<T: Send>() {}
 const _: () = moves_between_threads::<AnyfaceStream>();
@@ -30,8 +34,10 @@ pub unsafe extern "C" fn anyface_stream_new(
 ) -> AnyfaceStatus {
     let make = || {
         let engine = unsafe { pointer::handle("engine", engine) }?;
-        let stream = engine.0.stream()?;
-        Ok(AnyfaceStream(stream))
+        Ok(AnyfaceStream {
+            motion: engine.0.stream()?,
+            look_ahead_s: None,
+        })
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -51,7 +57,7 @@ pub unsafe extern "C" fn anyface_stream_push(
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
         let samples = unsafe { pointer::slice("samples", samples, sample_count, 1) }?;
-        Ok(stream.0.push(samples)?)
+        Ok(stream.motion.push(samples)?)
     };
     unsafe { guard::guard(error, work) }
 }
@@ -76,7 +82,7 @@ pub unsafe extern "C" fn anyface_stream_pull(
         pointer::check_room("buffer", buffer, frame_room, FRAME_FLOATS)?;
         let mut written = 0;
         while written < frame_room {
-            let Some(frame) = stream.0.pull() else {
+            let Some(frame) = stream.motion.pull() else {
                 break;
             };
             if frame
@@ -111,62 +117,42 @@ pub unsafe extern "C" fn anyface_stream_finish(
 ) -> AnyfaceStatus {
     let work = || {
         Ok(unsafe { pointer::handle_mut("stream", stream) }?
-            .0
+            .motion
             .finish()?)
     };
     unsafe { guard::guard(error, work) }
 }
 
-/// Sets the emotion from the next frame on, which is the first one of the next pull.
+/// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
+/// - "emotion": names and strengths that do not change over time; neutral if it is not set.
+/// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
+///   stays so. Otherwise only speech does.
+/// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
+///   face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and 0 s
+///   ahead. Without it a stream looks as far ahead as it can.
 ///
-/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+/// The request may be changed or freed afterwards.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another emotion, if the system has no look-ahead
+/// that short, or for another look-ahead after the first sound.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_stream_set_emotion(
+pub unsafe extern "C" fn anyface_stream_obey(
     stream: *mut AnyfaceStream,
-    strengths: *const f32,
+    request: *const AnyfaceRequest,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
-        let emotion = unsafe { of_strengths(strengths) }?;
-        Ok(stream.0.set_emotion(&emotion)?)
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Limits the look-ahead to `seconds`. Call it before the first sound.
-///
-/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
-/// 0 s ahead. Without this call a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
-/// the first sound.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_stream_look_ahead(
-    stream: *mut AnyfaceStream,
-    seconds: f64,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        Ok(unsafe { pointer::handle_mut("stream", stream) }?
-            .0
-            .look_ahead(seconds)?)
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Lets every sound move the face from the next frame on, including singing, music and noise.
-/// Before this call, only speech does.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_stream_hear_all(
-    stream: *mut AnyfaceStream,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        unsafe { pointer::handle_mut("stream", stream) }?
-            .0
-            .hear_all();
-        Ok(())
+        let request = unsafe { pointer::handle("request", request) }?;
+        let emotion = request.named_emotion()?;
+        let look_ahead_s = request.options.look_ahead_s;
+        if look_ahead_s != stream.look_ahead_s {
+            look_ahead_s.map_or(Ok(()), |seconds| stream.motion.look_ahead(seconds))?;
+            stream.look_ahead_s = look_ahead_s;
+        }
+        if request.options.hears_all {
+            stream.motion.hear_all();
+        }
+        Ok(stream.motion.set_emotion(&emotion)?)
     };
     unsafe { guard::guard(error, work) }
 }
@@ -174,7 +160,7 @@ pub unsafe extern "C" fn anyface_stream_hear_all(
 /// How many seconds of sound after its own time a frame waits for, at most 0.2. 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_latency_s(stream: *const AnyfaceStream) -> f64 {
-    unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.0.latency_s())
+    unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.motion.latency_s())
 }
 
 /// Frees a stream that no running call uses; nothing happens for NULL.

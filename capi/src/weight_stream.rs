@@ -3,13 +3,14 @@
 use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
+    conditions::EmotionCurve,
     motion::WeightStream,
     rig::{ARKIT, VISEMES},
 };
 use libc::c_char;
 
 use crate::{
-    emotion::of_strengths, engine::AnyfaceEngine, error::AnyfaceError, guard, pointer,
+    engine::AnyfaceEngine, error::AnyfaceError, guard, pointer, request::AnyfaceRequest,
     status::AnyfaceStatus,
 };
 
@@ -31,7 +32,11 @@ static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| {
 ///
 /// The frames are the same bit for bit, however the sound is split into pushes. Only one thread at
 /// a time may use a stream.
-pub struct AnyfaceWeightStream(WeightStream);
+pub struct AnyfaceWeightStream {
+    weights: WeightStream,
+    /// The look-ahead that was requested.
+    look_ahead_s: Option<f64>,
+}
 
 const fn moves_between_threads<T: Send>() {}
 const _: () = moves_between_threads::<AnyfaceWeightStream>();
@@ -48,7 +53,10 @@ pub unsafe extern "C" fn anyface_weight_stream_new(
 ) -> AnyfaceStatus {
     let make = || {
         let engine = unsafe { pointer::handle("engine", engine) }?;
-        Ok(AnyfaceWeightStream(engine.0.weight_stream()?))
+        Ok(AnyfaceWeightStream {
+            weights: engine.0.weight_stream()?,
+            look_ahead_s: None,
+        })
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -77,7 +85,7 @@ pub unsafe extern "C" fn anyface_weight_stream_push(
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
         let samples = unsafe { pointer::slice("samples", samples, sample_count, 1) }?;
-        Ok(stream.0.push(samples)?)
+        Ok(stream.weights.push(samples)?)
     };
     unsafe { guard::guard(error, work) }
 }
@@ -104,7 +112,7 @@ pub unsafe extern "C" fn anyface_weight_stream_pull(
         for (name, to) in [("shapes", shapes), ("visemes", visemes), ("head", head)] {
             pointer::check_room(name, to, 1, 1)?;
         }
-        let frame = stream.0.pull();
+        let frame = stream.weights.pull();
         if let Some(frame) = &frame {
             unsafe { pointer::copy_out("shapes", &frame.shapes, shapes, frame.shapes.len()) }?;
             unsafe { pointer::copy_out("visemes", &frame.visemes, visemes, frame.visemes.len()) }?;
@@ -126,78 +134,49 @@ pub unsafe extern "C" fn anyface_weight_stream_finish(
 ) -> AnyfaceStatus {
     let work = || {
         Ok(unsafe { pointer::handle_mut("stream", stream) }?
-            .0
+            .weights
             .finish()?)
     };
     unsafe { guard::guard(error, work) }
 }
 
-/// Sets the emotion from the next frame on.
+/// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
+/// - "emotion": names and strengths that do not change over time; neutral if it is not set. "auto"
+///   shows the emotion that is heard in the sound from now on, updated three times a second.
+/// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
+///   stays so. Otherwise only speech does.
+/// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
+///   face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and 0 s
+///   ahead. Without it a stream looks as far ahead as it can.
 ///
-/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+/// The request may be changed or freed afterwards.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another emotion, if the system has no look-ahead
+/// that short, or for another look-ahead after the first sound.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_weight_stream_set_emotion(
+pub unsafe extern "C" fn anyface_weight_stream_obey(
     stream: *mut AnyfaceWeightStream,
-    strengths: *const f32,
+    request: *const AnyfaceRequest,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
-        let emotion = unsafe { of_strengths(strengths) }?;
-        Ok(stream.0.set_emotion(&emotion)?)
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Shows the emotion that is heard in the sound pushed from now on. It is updated three times a
-/// second, until `anyface_weight_stream_set_emotion()` sets an emotion.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_weight_stream_hear_emotion(
-    stream: *mut AnyfaceWeightStream,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        unsafe { pointer::handle_mut("stream", stream) }?
-            .0
-            .hear_emotion();
-        Ok(())
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Limits the look-ahead to `seconds`. Call it before the first sound.
-///
-/// The face then moves sooner but follows the speech less surely. FreeTalk can look 0.19, 0.07 and
-/// 0 s ahead. Without this call a stream looks as far ahead as it can.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the system has no look-ahead that short, or after
-/// the first sound.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_weight_stream_look_ahead(
-    stream: *mut AnyfaceWeightStream,
-    seconds: f64,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        unsafe { pointer::handle_mut("stream", stream) }?
-            .0
-            .look_ahead(seconds)?;
-        Ok(())
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Lets every sound move the face from the next frame on, including singing, music and noise.
-/// Before this call, only speech does.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_weight_stream_hear_all(
-    stream: *mut AnyfaceWeightStream,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        unsafe { pointer::handle_mut("stream", stream) }?
-            .0
-            .hear_all();
+        let request = unsafe { pointer::handle("request", request) }?;
+        let emotion = match request.emotion() {
+            EmotionCurve::Auto => None,
+            _ => Some(request.named_emotion()?),
+        };
+        let look_ahead_s = request.options.look_ahead_s;
+        if look_ahead_s != stream.look_ahead_s {
+            look_ahead_s.map_or(Ok(()), |seconds| stream.weights.look_ahead(seconds))?;
+            stream.look_ahead_s = look_ahead_s;
+        }
+        if request.options.hears_all {
+            stream.weights.hear_all();
+        }
+        match emotion {
+            Some(emotion) => stream.weights.set_emotion(&emotion)?,
+            None => stream.weights.hear_emotion(),
+        }
         Ok(())
     };
     unsafe { guard::guard(error, work) }
@@ -208,7 +187,7 @@ pub unsafe extern "C" fn anyface_weight_stream_hear_all(
 pub unsafe extern "C" fn anyface_weight_stream_latency_s(
     stream: *const AnyfaceWeightStream,
 ) -> f64 {
-    unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.0.latency_s())
+    unsafe { stream.as_ref() }.map_or(0.0, |stream| stream.weights.latency_s())
 }
 
 /// Frees a stream that no running call uses; nothing happens for NULL.

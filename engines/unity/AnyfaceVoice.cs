@@ -46,6 +46,7 @@ namespace Anyface
         private readonly float[] sound;
         private readonly List<Frame> frames = new List<Frame>();
         private IntPtr stream;
+        private IntPtr request;
         private int pushed;
         private bool isOver;
         private string emotion = "";
@@ -59,9 +60,11 @@ namespace Anyface
             IntPtr error;
             sound = At16Kilohertz(samples, channels, rate);
             Check(Native.anyface_weight_stream_new(Engine(), out stream, out error), error);
+            Check(Native.anyface_request_new(out request, out error), error);
             if (anySound)
             {
-                Check(Native.anyface_weight_stream_hear_all(stream, out error), error);
+                Check(Native.anyface_request_set_number(request, Utf8("hear_all"), 1.0, out error), error);
+                Check(Native.anyface_weight_stream_obey(stream, request, out error), error);
             }
         }
 
@@ -93,30 +96,27 @@ namespace Anyface
                 return;
             }
             IntPtr error;
-            if (text == Heard)
-            {
-                Check(Native.anyface_weight_stream_hear_emotion(stream, out error), error);
-            }
-            else
-            {
-                var strengths = new float[15];
-                byte[] utf8 = Encoding.UTF8.GetBytes(text + "\0");
-                Check(Native.anyface_emotion_parse(utf8, strengths, out error), error);
-                Check(Native.anyface_weight_stream_set_emotion(stream, strengths, out error), error);
-            }
+            Check(Native.anyface_request_set_text(request, Utf8("emotion"), Utf8(text), out error), error);
+            Check(Native.anyface_weight_stream_obey(stream, request, out error), error);
             emotion = text;
         }
 
         public void Dispose()
         {
-            Native.anyface_weight_stream_free(stream);
-            stream = IntPtr.Zero;
+            Free();
             GC.SuppressFinalize(this);
         }
 
         ~Voice()
         {
+            Free();
+        }
+
+        private void Free()
+        {
             Native.anyface_weight_stream_free(stream);
+            Native.anyface_request_free(request);
+            stream = request = IntPtr.Zero;
         }
 
         private void HearOn()
@@ -219,6 +219,11 @@ namespace Anyface
             throw new AnyfaceException(message);
         }
 
+        private static byte[] Utf8(string text)
+        {
+            return Encoding.UTF8.GetBytes(text + "\0");
+        }
+
         private static string Text(IntPtr utf8)
         {
             var bytes = new List<byte>();
@@ -235,22 +240,23 @@ namespace Anyface
     {
         private const string Library = "anyface";
 
-        [DllImport(Library)] internal static extern int anyface_engine_new(IntPtr options, out IntPtr engine, out IntPtr error);
+        [DllImport(Library)] internal static extern int anyface_engine_new(IntPtr request, out IntPtr engine, out IntPtr error);
         [DllImport(Library)] internal static extern int anyface_audio_new(float[] samples, UIntPtr frames, uint channels, uint rate, out IntPtr audio, out IntPtr error);
         [DllImport(Library)] internal static extern UIntPtr anyface_audio_sample_count(IntPtr audio);
         [DllImport(Library)] internal static extern int anyface_audio_copy_samples(IntPtr audio, [Out] float[] samples, UIntPtr count, out IntPtr error);
         [DllImport(Library)] internal static extern void anyface_audio_free(IntPtr audio);
-        [DllImport(Library)] internal static extern int anyface_emotion_parse(byte[] text, [Out] float[] strengths, out IntPtr error);
         [DllImport(Library)] internal static extern IntPtr anyface_error_message(IntPtr error);
         [DllImport(Library)] internal static extern void anyface_error_free(IntPtr error);
+        [DllImport(Library)] internal static extern int anyface_request_new(out IntPtr request, out IntPtr error);
+        [DllImport(Library)] internal static extern int anyface_request_set_text(IntPtr request, byte[] name, byte[] text, out IntPtr error);
+        [DllImport(Library)] internal static extern int anyface_request_set_number(IntPtr request, byte[] name, double number, out IntPtr error);
+        [DllImport(Library)] internal static extern void anyface_request_free(IntPtr request);
         [DllImport(Library)] internal static extern int anyface_weight_stream_new(IntPtr engine, out IntPtr stream, out IntPtr error);
         [DllImport(Library)] internal static extern IntPtr anyface_weight_stream_name(UIntPtr index);
         [DllImport(Library)] internal static extern int anyface_weight_stream_push(IntPtr stream, float[] samples, UIntPtr count, out IntPtr error);
         [DllImport(Library)] internal static extern int anyface_weight_stream_pull(IntPtr stream, [Out] float[] shapes, [Out] float[] visemes, [Out] float[] head, out int isReady, out IntPtr error);
         [DllImport(Library)] internal static extern int anyface_weight_stream_finish(IntPtr stream, out IntPtr error);
-        [DllImport(Library)] internal static extern int anyface_weight_stream_set_emotion(IntPtr stream, float[] strengths, out IntPtr error);
-        [DllImport(Library)] internal static extern int anyface_weight_stream_hear_emotion(IntPtr stream, out IntPtr error);
-        [DllImport(Library)] internal static extern int anyface_weight_stream_hear_all(IntPtr stream, out IntPtr error);
+        [DllImport(Library)] internal static extern int anyface_weight_stream_obey(IntPtr stream, IntPtr request, out IntPtr error);
         [DllImport(Library)] internal static extern void anyface_weight_stream_free(IntPtr stream);
     }
 }

@@ -6,7 +6,6 @@
 #include "Engine/World.h"
 
 #include <algorithm>
-#include <cstring>
 
 DEFINE_LOG_CATEGORY_STATIC(LogAnyface, Log, All);
 
@@ -51,12 +50,18 @@ std::unique_ptr<FAnyfaceVoice> FAnyfaceVoice::FromFile(const char *Utf8Path, boo
         anyface_audio_copy_samples(Audio, Voice->Samples.data(), Voice->Samples.size(), &Failure);
     anyface_audio_free(Audio);
     AnyfaceWeightStream *Stream = nullptr;
+    AnyfaceRequest *Request = nullptr;
     if (!Done(Copied, Failure, Error) ||
         !Done(anyface_weight_stream_new(Models, &Stream, &Failure), Failure, Error)) {
         return nullptr;
     }
     Voice->Stream.reset(Stream);
-    if (bAnySound && !Done(anyface_weight_stream_hear_all(Stream, &Failure), Failure, Error)) {
+    if (!Done(anyface_request_new(&Request, &Failure), Failure, Error)) {
+        return nullptr;
+    }
+    Voice->Request.reset(Request);
+    if (!Done(anyface_request_set_number(Request, "hear_all", bAnySound ? 1.0 : 0.0, &Failure), Failure, Error) ||
+        !Done(anyface_weight_stream_obey(Stream, Request, &Failure), Failure, Error)) {
         return nullptr;
     }
     return Voice;
@@ -64,12 +69,8 @@ std::unique_ptr<FAnyfaceVoice> FAnyfaceVoice::FromFile(const char *Utf8Path, boo
 
 bool FAnyfaceVoice::Feel(const char *Utf8Emotion, FString &Error) {
     AnyfaceError *Failure = nullptr;
-    if (std::strcmp(Utf8Emotion, "auto") == 0) {
-        return Done(anyface_weight_stream_hear_emotion(Stream.get(), &Failure), Failure, Error);
-    }
-    float Strengths[ANYFACE_EMOTION_COUNT];
-    return Done(anyface_emotion_parse(Utf8Emotion, Strengths, &Failure), Failure, Error) &&
-           Done(anyface_weight_stream_set_emotion(Stream.get(), Strengths, &Failure), Failure, Error);
+    return Done(anyface_request_set_text(Request.get(), "emotion", Utf8Emotion, &Failure), Failure, Error) &&
+           Done(anyface_weight_stream_obey(Stream.get(), Request.get(), &Failure), Failure, Error);
 }
 
 bool FAnyfaceVoice::HearOn(FString &Error) {

@@ -39,8 +39,10 @@ public:
 private:
     struct FFree {
         void operator()(AnyfaceWeightStream *Stream) const { anyface_weight_stream_free(Stream); }
+        void operator()(AnyfaceRequest *Request) const { anyface_request_free(Request); }
     };
     std::unique_ptr<AnyfaceWeightStream, FFree> Stream;
+    std::unique_ptr<AnyfaceRequest, FFree> Request;
     std::vector<float> Samples;
     std::vector<FAnyfaceFrame> Frames;
     size_t Pushed = 0;

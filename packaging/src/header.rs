@@ -44,7 +44,6 @@ const LIBRARY: &[&str] = &[
     "face_request",
     "face",
     "opened_face",
-    "emotion",
     "text",
     "motion",
     "motion_values",

@@ -384,7 +384,7 @@ def test_events_of_a_file_count_instead_of_strips_and_markers(addon, tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("7", "expected a JSON list"),
+        ("7", "event 1: .*expected seconds"),
         ('[{"start_s": 0, "end_s": 1}]', "event 1: .*units"),
         ('[{"start_s": 1, "end_s": 1, "units": ["12"]}]', "event 1: .*rising"),
         ('[{"start_s": NaN, "end_s": 1, "units": ["12"]}]', "JSON list .*line 1"),

@@ -220,18 +220,6 @@ static void requests(void) {
     anyface_request_free(NULL);
 }
 
-static void emotions(void) {
-    float strengths[ANYFACE_EMOTION_COUNT] = {0};
-    CHECK_FAILS(anyface_emotion_parse("joyful:1", strengths, &error), ANYFACE_STATUS_INVALID_INPUT,
-                "joyful");
-    CHECK_FAILS(anyface_emotion_parse(NULL, strengths, &error), ANYFACE_STATUS_NULL_POINTER, "text");
-    CHECK_FAILS(anyface_emotion_parse("happy", NULL, &error), ANYFACE_STATUS_NULL_POINTER,
-                "strengths");
-    CHECK_OK(anyface_emotion_parse("happy:0.4,sad:0.2", strengths, &error));
-    CHECK(fabsf(strengths[1] - 0.4f) < 1e-6f && fabsf(strengths[5] - 0.2f) < 1e-6f);
-    CHECK(strengths[0] == 0.0f);
-}
-
 static void motions(void) {
     static float moved[2 * 3 * ANYFACE_LANDMARK_COUNT], copy[2 * 3 * ANYFACE_LANDMARK_COUNT];
     const size_t count = sizeof moved / sizeof *moved;
@@ -398,7 +386,6 @@ int main(int argc, char **argv) {
     options(argv[1]);
     systems_are_described();
     requests();
-    emotions();
     motions();
     missing_handles();
     spoken_sounds();

@@ -13,18 +13,20 @@ static AnyfaceError *error = NULL;
 
 /* Pushes the sound in pieces, pulls after each, and returns all frames; the caller frees them. */
 static float *perform(const AnyfaceEngine *engine, const float *samples, size_t count, size_t piece,
-                      const float *strengths, size_t *frames) {
+                      const char *emotion, size_t *frames) {
     AnyfaceStream *stream = NULL;
+    AnyfaceRequest *request = NULL;
     size_t room = count / 640 + 1, written = 0;
     float *moved = malloc(room * FLOATS * sizeof *moved);
     CHECK(moved != NULL);
     *frames = 0;
     CHECK_OK(anyface_stream_new(engine, &stream, &error));
-    CHECK_OK(anyface_stream_hear_all(stream, &error));
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_number(request, "hear_all", 1.0, &error));
+    CHECK_OK(anyface_request_set_text(request, "emotion", emotion, &error));
+    CHECK_OK(anyface_stream_obey(stream, request, &error));
+    anyface_request_free(request);
     CHECK(anyface_stream_latency_s(stream) > 0.0 && anyface_stream_latency_s(stream) <= 0.2);
-    if (strengths != NULL) {
-        CHECK_OK(anyface_stream_set_emotion(stream, strengths, &error));
-    }
     for (size_t from = 0; from < count; from += piece) {
         size_t now = piece < count - from ? piece : count - from;
         CHECK_OK(anyface_stream_push(stream, samples + from, now, &error));
@@ -45,13 +47,23 @@ static void sooner(const AnyfaceEngine *engine, const float *samples) {
     float frame[FLOATS];
     size_t written = 0;
     CHECK_OK(anyface_stream_new(engine, &stream, &error));
-    CHECK_FAILS(anyface_stream_look_ahead(stream, -1.0, &error), ANYFACE_STATUS_INVALID_INPUT,
+    AnyfaceRequest *request = NULL;
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_number(request, "look_ahead_s", -1.0, &error));
+    CHECK_FAILS(anyface_stream_obey(stream, request, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "look-ahead");
-    CHECK_OK(anyface_stream_look_ahead(stream, 0.0, &error));
+    CHECK_OK(anyface_request_set_number(request, "look_ahead_s", 0.0, &error));
+    CHECK_OK(anyface_stream_obey(stream, request, &error));
     CHECK(anyface_stream_latency_s(stream) == 0.0);
     CHECK_OK(anyface_stream_push(stream, samples, 640, &error));
     CHECK_OK(anyface_stream_pull(stream, frame, 1, &written, &error));
     CHECK(written == 1);
+    /* The same look-ahead, with another emotion, may be asked for at any time. */
+    CHECK_OK(anyface_request_set_text(request, "emotion", "sad", &error));
+    CHECK_OK(anyface_stream_obey(stream, request, &error));
+    CHECK_OK(anyface_request_set_number(request, "look_ahead_s", 0.07, &error));
+    CHECK_FAILS(anyface_stream_obey(stream, request, &error), ANYFACE_STATUS_INVALID_INPUT, "");
+    anyface_request_free(request);
     anyface_stream_free(stream);
 }
 
@@ -59,14 +71,12 @@ static void any_cut(const AnyfaceEngine *engine, const float *samples, size_t co
     size_t pieces[] = {count, 1600, 160, 37}, frames[4];
     float *moved[4];
     for (int i = 0; i < 4; i++) {
-        moved[i] = perform(engine, samples, count, pieces[i], NULL, &frames[i]);
+        moved[i] = perform(engine, samples, count, pieces[i], "", &frames[i]);
         CHECK(frames[i] == (count + 639) / 640 && frames[i] == frames[0]);
         CHECK(memcmp(moved[i], moved[0], frames[0] * FLOATS * sizeof(float)) == 0);
     }
-    float happy[ANYFACE_EMOTION_COUNT] = {0};
-    happy[1] = 1.0f;
     size_t happy_frames;
-    float *smile = perform(engine, samples, count, count, happy, &happy_frames);
+    float *smile = perform(engine, samples, count, count, "happy:1", &happy_frames);
     CHECK(memcmp(smile, moved[0], frames[0] * FLOATS * sizeof(float)) != 0);
     free(smile);
     for (int i = 0; i < 4; i++) {
@@ -76,7 +86,8 @@ static void any_cut(const AnyfaceEngine *engine, const float *samples, size_t co
 
 static void refusals(const AnyfaceEngine *engine) {
     AnyfaceStream *stream = NULL;
-    float broken[] = {0.0f, NAN}, frame[FLOATS], strengths[ANYFACE_EMOTION_COUNT] = {-1.0f};
+    AnyfaceRequest *request = NULL;
+    float broken[] = {0.0f, NAN}, frame[FLOATS];
     size_t written = 99;
     CHECK_FAILS(anyface_stream_new(NULL, &stream, &error), ANYFACE_STATUS_NULL_POINTER, "engine");
     CHECK_OK(anyface_stream_new(engine, &stream, &error));
@@ -84,10 +95,11 @@ static void refusals(const AnyfaceEngine *engine) {
     CHECK_FAILS(anyface_stream_push(stream, NULL, 2, &error), ANYFACE_STATUS_NULL_POINTER,
                 "samples");
     CHECK_OK(anyface_stream_push(stream, NULL, 0, &error));
-    CHECK_FAILS(anyface_stream_set_emotion(stream, strengths, &error), ANYFACE_STATUS_INVALID_INPUT,
-                "at least 0");
-    CHECK_FAILS(anyface_stream_set_emotion(stream, NULL, &error), ANYFACE_STATUS_NULL_POINTER,
-                "strengths");
+    CHECK_OK(anyface_request_new(&request, &error));
+    CHECK_OK(anyface_request_set_text(request, "emotion", "auto", &error));
+    CHECK_FAILS(anyface_stream_obey(stream, request, &error), ANYFACE_STATUS_INVALID_INPUT, "auto");
+    CHECK_FAILS(anyface_stream_obey(stream, NULL, &error), ANYFACE_STATUS_NULL_POINTER, "request");
+    anyface_request_free(request);
     CHECK_FAILS(anyface_stream_pull(stream, NULL, 1, &written, &error), ANYFACE_STATUS_NULL_POINTER,
                 "buffer");
     CHECK(written == 99);
