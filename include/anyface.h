@@ -190,7 +190,7 @@ typedef enum {
     ANYFACE_VISIBILITY_NOTHING = 2,
 } AnyfaceVisibility;
 
-/// The kinds of labelled intervals that sounds have besides the lip closures.
+/// The kinds of intervals that sounds have.
 typedef enum {
     /// Phones.
     ANYFACE_TIER_PHONES = 0,
@@ -198,6 +198,8 @@ typedef enum {
     ANYFACE_TIER_WORDS = 1,
     /// Mouths of a mouth chart.
     ANYFACE_TIER_MOUTHS = 2,
+    /// When the lips are together; they have no labels.
+    ANYFACE_TIER_CLOSURES = 3,
 } AnyfaceTier;
 
 /// The set of mouths that a chart is drawn with.
@@ -623,29 +625,19 @@ AnyfaceStatus anyface_sounds_write(const AnyfaceSounds *sounds,
                                    double fps,
                                    AnyfaceError **error);
 
-/// Number `n` of intervals in which the lips are together. 0 for NULL.
-size_t anyface_sounds_closure_count(const AnyfaceSounds *sounds);
-
-/// Copies the intervals in which the lips are together into the caller's buffer, in the form that
-/// `anyface_request_set_rows()` takes for "closures".
-///
-/// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
-AnyfaceStatus anyface_sounds_copy_closures(const AnyfaceSounds *sounds,
-                                           double *buffer,
-                                           size_t double_count,
-                                           AnyfaceError **error);
-
 /// Number `n` of intervals of an `AnyfaceTier`. 0 if the sounds have no such intervals, for an
 /// unknown tier, or for NULL.
 size_t anyface_sounds_interval_count(const AnyfaceSounds *sounds, int32_t tier);
 
-/// Label of an interval of an `AnyfaceTier`: a phone (IPA, or as a file spells it), a word or a
+/// Label of an interval of an `AnyfaceTier` but closures: a phone (IPA, or as a file spells it), a word or a
 /// mouth. It lives until the sounds are freed. NULL for NULL, an unknown tier, or a number that is
 /// not below the count.
-const char *anyface_sounds_label(const AnyfaceSounds *sounds, int32_t tier, size_t interval);
+const char *anyface_sounds_label(const AnyfaceSounds *sounds,
+                                 int32_t tier,
+                                 size_t interval);
 
-/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
+/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer, in the form that
+/// `anyface_request_set_rows()` takes for "closures".
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count` or tier.
@@ -663,11 +655,8 @@ int32_t anyface_sounds_label_closes_lips(const char *label);
 /// Frees sounds that no running call uses; nothing happens for NULL.
 void anyface_sounds_free(AnyfaceSounds *sounds);
 
-/// The name by which "system" of a request selects a system: 0 is the default one. NULL after the
-/// last one. Lives as long as the library is loaded.
-const char *anyface_system_name(size_t index);
-
-/// Describes what a system obeys as a JSON object: `name`, `label` and `help`;
+/// Describes the systems and what each of them obeys as a JSON list, the default system first. Each
+/// is an object: `name`, by which "system" of a request selects it, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
 /// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
@@ -675,9 +664,8 @@ const char *anyface_system_name(size_t index);
 /// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
 /// `words`, both for events.
 ///
-/// `system`: its name, UTF-8, or NULL for the default one. NULL for an unknown name. Lives as long as
-/// the library is loaded.
-const char *anyface_describe(const char *system);
+/// Lives as long as the library is loaded.
+const char *anyface_describe(void);
 
 /// Makes a request that asks for nothing. Free with `anyface_request_free()`.
 AnyfaceStatus anyface_request_new(AnyfaceRequest **out, AnyfaceError **error);
@@ -1242,25 +1230,6 @@ int32_t anyface_clip_visibility(const AnyfaceClip *clip);
 ///
 /// The pointer is valid until the clip is freed; the values never change. NULL for NULL.
 const float *anyface_clip_displacements(const AnyfaceClip *clip);
-
-/// Copies all displacements into the caller's buffer.
-///
-/// `buffer`: `[T, V, 3]`, mesh units; `float_count` must be `T * V * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
-AnyfaceStatus anyface_clip_copy_displacements(const AnyfaceClip *clip,
-                                              float *buffer,
-                                              size_t float_count,
-                                              AnyfaceError **error);
-
-/// Copies the displacements of one frame into the caller's buffer.
-///
-/// `frame`: below `T`. `buffer`: `[V, 3]`, mesh units; `float_count` must be `V * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a frame out of range.
-AnyfaceStatus anyface_clip_copy_frame(const AnyfaceClip *clip,
-                                      size_t frame,
-                                      float *buffer,
-                                      size_t float_count,
-                                      AnyfaceError **error);
 
 /// Copies the 68 landmarks at rest into the caller's buffer.
 ///

@@ -7,8 +7,6 @@ waits here.
 import ctypes
 import os
 import sys
-from collections.abc import Callable
-from itertools import count, takewhile
 from pathlib import Path
 
 from .errors import AnyfaceError
@@ -38,9 +36,3 @@ def load(path: Path) -> ctypes.CDLL:
             "weights", f"{path}: expected interface {ABI_VERSION}, got {version}: install it again"
         )
     return library
-
-
-def texts(function: Callable[[int], bytes | None]) -> list[str]:
-    """The texts that a function of the library returns for 0, 1, 2, …, until it returns none."""
-    entries = takewhile(lambda text: text is not None, map(function, count()))
-    return [text.decode() for text in entries if text is not None]

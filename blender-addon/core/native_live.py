@@ -156,9 +156,8 @@ class StreamedFace:
             motion = engine._own(handles, "motion", "anyface_motion_new_displacements", *frame)
             parts = (engine._handle, self._face, motion, c_void_p())
             clip = engine._own(handles, "clip", "anyface_clip_new", *parts)
-            out = np.empty((self._vertices, 3), dtype=np.float32)
-            engine._call("anyface_clip_copy_frame", clip, 0, out.ctypes.data_as(_FLOATS), out.size)
-            return out
+            lent = engine._library.anyface_clip_displacements(clip)
+            return np.ctypeslib.as_array(lent, (self._vertices, 3)).copy()
 
 
 class ListeningFace(StreamedFace):

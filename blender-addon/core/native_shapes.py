@@ -135,9 +135,8 @@ class Clip:
 
     def displacements(self) -> np.ndarray:
         """A copy of all displacements `[T, V, 3]`, in the space in which the mesh was given."""
-        moved = np.empty(self.shape, dtype=np.float32)
-        self._engine._copy("anyface_clip_copy_displacements", self, moved)
-        return moved
+        lent = self._engine._library.anyface_clip_displacements(self)
+        return np.ctypeslib.as_array(lent, self.shape).copy()
 
     def weights(
         self,

@@ -14,7 +14,7 @@ from .job import Progress
 from .native_shapes import Clip
 from .take import Animation, Request, Sound
 
-_PHONES, _WORDS, _MOUTHS = 0, 1, 2
+_PHONES, _WORDS, _MOUTHS, _CLOSURES = range(4)
 """The values of `AnyfaceTier` in the C interface."""
 # In the order of `AnyfaceMouths`.
 MOUTHS = ("rhubarb", "preston-blair")
@@ -108,9 +108,7 @@ class SoundCalls(Calls):
             return self._own(handles, "sounds", "anyface_sounds_read", os.fsencode(path), fps)
 
     def _intervals(self, sounds, tier: int) -> list[tuple[float, float, str]]:
-        times = np.empty((self._library.anyface_sounds_interval_count(sounds, tier), 2))
-        doubles = times.ctypes.data_as(POINTER(c_double))
-        self._call("anyface_sounds_copy_intervals", sounds, tier, doubles, times.size)
+        times = self._times(sounds, tier)
         label = self._library.anyface_sounds_label
         labels = [label(sounds, tier, at).decode() for at in range(len(times))]
         return [(*ends, text) for ends, text in zip(times.tolist(), labels, strict=True)]
@@ -145,10 +143,14 @@ class SoundCalls(Calls):
         return self._library.anyface_sounds_label_closes_lips(label.encode()) == 1
 
     def _closures(self, sounds) -> np.ndarray:
-        intervals = np.empty((self._library.anyface_sounds_closure_count(sounds), 2))
-        doubles = intervals.ctypes.data_as(POINTER(c_double))
-        self._call("anyface_sounds_copy_closures", sounds, doubles, intervals.size)
-        return intervals
+        return self._times(sounds, _CLOSURES)
+
+    def _times(self, sounds, tier: int) -> np.ndarray:
+        """Start and end in seconds of each interval of a tier `[N, 2]`."""
+        times = np.empty((self._library.anyface_sounds_interval_count(sounds, tier), 2))
+        doubles = times.ctypes.data_as(POINTER(c_double))
+        self._call("anyface_sounds_copy_intervals", sounds, tier, doubles, times.size)
+        return times
 
     def animate_stretch(
         self,

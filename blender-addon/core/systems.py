@@ -150,8 +150,7 @@ def by_name(name: str) -> System:
 
 def read(loaded) -> tuple[System, ...]:
     """The systems of a loaded library."""
-    names = library.texts(loaded.anyface_system_name)
-    return tuple(_system(json.loads(loaded.anyface_describe(name.encode()))) for name in names)
+    return tuple(map(_system, json.loads(loaded.anyface_describe())))
 
 
 def _system(described: dict) -> System:

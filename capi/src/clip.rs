@@ -145,19 +145,6 @@ impl AnyfaceClip {
     fn vertex_count(&self) -> usize {
         self.animation.vertices.displacements.len_of(Axis(1))
     }
-
-    /// `[V, 3]` of one frame.
-    fn frame(&self, frame: usize) -> Result<&[f32], Failure> {
-        let frames = self.frame_count();
-        let length = self.vertex_count() * 3;
-        if frame < frames {
-            Ok(&self.vertices()[frame * length..(frame + 1) * length])
-        } else {
-            Err(Failure::invalid(format!(
-                "frame: expected below {frames}, got {frame}"
-            )))
-        }
-    }
 }
 
 /// The motion that a face shows. If landmarks come from elsewhere and the system has a model that
@@ -307,37 +294,6 @@ pub unsafe extern "C" fn anyface_clip_displacements(clip: *const AnyfaceClip) ->
     unsafe { clip.as_ref() }.map_or(null(), |clip| clip.vertices().as_ptr())
 }
 
-/// Copies all displacements into the caller's buffer.
-///
-/// `buffer`: `[T, V, 3]`, mesh units; `float_count` must be `T * V * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_clip_copy_displacements(
-    clip: *const AnyfaceClip,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let values = || Ok(unsafe { pointer::handle("clip", clip) }?.vertices());
-    unsafe { guard::copy(buffer, float_count, error, values) }
-}
-
-/// Copies the displacements of one frame into the caller's buffer.
-///
-/// `frame`: below `T`. `buffer`: `[V, 3]`, mesh units; `float_count` must be `V * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count` or a frame out of range.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_clip_copy_frame(
-    clip: *const AnyfaceClip,
-    frame: usize,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let values = || unsafe { pointer::handle("clip", clip) }?.frame(frame);
-    unsafe { guard::copy(buffer, float_count, error, values) }
-}
-
 /// Copies the 68 landmarks at rest into the caller's buffer.
 ///
 /// `buffer`: `[68, 3]`, mesh units; `float_count` must be 204.
@@ -456,31 +412,12 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_lent_and_copied_in_order() {
+    fn frames_are_lent_in_order() {
         let clip = clip();
         let lent = unsafe { anyface_clip_displacements(&clip) };
         let lent = unsafe { std::slice::from_raw_parts(lent, 18) };
         assert_eq!(&lent[..6], [0.0, 1.0, 2.0, 10.0, 11.0, 12.0]);
-        let mut frame = [0.0; 9];
-        let error = std::ptr::null_mut();
-        let status = unsafe { anyface_clip_copy_frame(&clip, 1, frame.as_mut_ptr(), 9, error) };
-        assert_eq!((status, frame[4]), (AnyfaceStatus::Ok, 111.0));
-        assert_eq!(&frame, &lent[9..]);
-    }
-
-    #[test]
-    fn wrong_frames_and_sizes_are_refused() {
-        let clip = clip();
-        let mut buffer = [0.0; 18];
-        let pointer = buffer.as_mut_ptr();
-        let error = std::ptr::null_mut();
-        for (frame, count) in [(2, 9), (usize::MAX, 9), (0, 8), (0, 18)] {
-            let status = unsafe { anyface_clip_copy_frame(&clip, frame, pointer, count, error) };
-            assert_eq!(status, AnyfaceStatus::InvalidInput);
-        }
-        let status = unsafe { anyface_clip_copy_displacements(&clip, pointer, 17, error) };
-        assert_eq!(status, AnyfaceStatus::InvalidInput);
-        assert_eq!(buffer, [0.0; 18]);
+        assert_eq!(lent[13], 111.0);
     }
 
     #[test]

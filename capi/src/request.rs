@@ -147,24 +147,13 @@ fn of_stage(controls: &Controls, stage: ControlStage) -> Controls {
     controls.among(known.filter(|control| control.stage == stage))
 }
 
-static DESCRIPTIONS: LazyLock<Vec<(CString, CString)>> = LazyLock::new(|| {
-    let description = |system: &&_| {
-        let text = describe(system);
-        (pointer::c_text(system.name), pointer::c_text(&text))
-    };
-    SYSTEMS.iter().map(description).collect()
+static DESCRIPTIONS: LazyLock<CString> = LazyLock::new(|| {
+    let systems: Vec<String> = SYSTEMS.iter().map(|system| describe(system)).collect();
+    pointer::c_text(&format!("[{}]", systems.join(",")))
 });
 
-/// The name by which "system" of a request selects a system: 0 is the default one. NULL after the
-/// last one. Lives as long as the library is loaded.
-#[unsafe(no_mangle)]
-pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
-    guard::guard_or(null(), || {
-        pointer::lend(DESCRIPTIONS.get(index).map(|(name, _)| name))
-    })
-}
-
-/// Describes what a system obeys as a JSON object: `name`, `label` and `help`;
+/// Describes the systems and what each of them obeys as a JSON list, the default system first. Each
+/// is an object: `name`, by which "system" of a request selects it, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
 /// "pose"), numbers also with `low`, `high`, `default` and `is_whole`; `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
@@ -172,21 +161,10 @@ pub extern "C" fn anyface_system_name(index: usize) -> *const c_char {
 /// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
 /// `words`, both for events.
 ///
-/// `system`: its name, UTF-8, or NULL for the default one. NULL for an unknown name. Lives as long as
-/// the library is loaded.
+/// Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_describe(system: *const c_char) -> *const c_char {
-    guard::guard_or(null(), || {
-        let name = unsafe { pointer::optional_text("system", system) };
-        let description = match name {
-            Ok(None) => DESCRIPTIONS.first(),
-            Ok(Some(name)) => DESCRIPTIONS
-                .iter()
-                .find(|(known, _)| known.to_bytes() == name.as_bytes()),
-            Err(_) => None,
-        };
-        pointer::lend(description.map(|(_, text)| text))
-    })
+pub extern "C" fn anyface_describe() -> *const c_char {
+    guard::guard_or(null(), || pointer::lend(Some(&DESCRIPTIONS)))
 }
 
 /// Makes a request that asks for nothing. Free with `anyface_request_free()`.
@@ -393,16 +371,14 @@ mod tests {
     }
 
     #[test]
-    fn every_system_is_named_and_described() {
-        for (index, system) in SYSTEMS.iter().enumerate() {
-            let name = anyface_system_name(index);
-            assert_eq!(unsafe { CStr::from_ptr(name) }.to_str(), Ok(system.name));
-            let text = unsafe { CStr::from_ptr(anyface_describe(name)) };
-            assert_eq!(text.to_str(), Ok(&*describe(system)));
-        }
-        assert!(anyface_system_name(SYSTEMS.len()).is_null());
-        let first = unsafe { anyface_describe(null()) };
-        assert_eq!(first, unsafe { anyface_describe(anyface_system_name(0)) });
-        assert!(unsafe { anyface_describe(c"nobody".as_ptr()) }.is_null());
+    fn every_system_is_described_and_the_default_one_first() {
+        let text = unsafe { CStr::from_ptr(anyface_describe()) };
+        let list: Vec<serde_json::Value> = serde_json::from_str(text.to_str().unwrap()).unwrap();
+        let described: Vec<_> = list
+            .iter()
+            .map(|system| system["name"].as_str().unwrap())
+            .collect();
+        let names: Vec<_> = SYSTEMS.iter().map(|system| system.name).collect();
+        assert_eq!(described, names);
     }
 }

@@ -4,7 +4,7 @@
 use std::ffi::CString;
 
 use anyface::{
-    annotation::{Annotation, AnnotationFormat, Interval, Symbols},
+    annotation::{Annotation, AnnotationFormat, Symbols},
     chart::{self, ChartOptions},
     motion::check_fps,
 };
@@ -20,7 +20,7 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// The kinds of labelled intervals that sounds have besides the lip closures.
+/// The kinds of intervals that sounds have.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyfaceTier {
@@ -30,6 +30,8 @@ pub enum AnyfaceTier {
     Words = 1,
     /// Mouths of a mouth chart.
     Mouths = 2,
+    /// When the lips are together; they have no labels.
+    Closures = 3,
 }
 
 /// The set of mouths that a chart is drawn with.
@@ -68,16 +70,23 @@ impl AnyfaceSounds {
         })
     }
 
-    fn intervals(&self, tier: i32) -> Result<&[Interval], Failure> {
+    /// `[n][2]`: start and end of the intervals of a tier, seconds.
+    fn times(&self, tier: i32) -> Result<Vec<[f64; 2]>, Failure> {
         const PHONES: i32 = AnyfaceTier::Phones as i32;
         const WORDS: i32 = AnyfaceTier::Words as i32;
         const MOUTHS: i32 = AnyfaceTier::Mouths as i32;
+        const CLOSURES: i32 = AnyfaceTier::Closures as i32;
+        let of = |symbols| {
+            let intervals = self.annotation.intervals(symbols).iter();
+            intervals.map(|i| [i.start_s, i.end_s]).collect()
+        };
         match tier {
-            PHONES => Ok(self.annotation.intervals(Symbols::Phones)),
-            WORDS => Ok(self.annotation.intervals(Symbols::Words)),
-            MOUTHS => Ok(self.annotation.intervals(mouths_of(&self.annotation))),
+            PHONES => Ok(of(Symbols::Phones)),
+            WORDS => Ok(of(Symbols::Words)),
+            MOUTHS => Ok(of(mouths_of(&self.annotation))),
+            CLOSURES => Ok(self.closures.clone()),
             other => Err(Failure::invalid(format!(
-                "tier: expected {PHONES} (phones), {WORDS} (words) or {MOUTHS} (mouths), got {other}"
+                "tier: expected {PHONES} (phones), {WORDS} (words), {MOUTHS} (mouths) or {CLOSURES} (closures), got {other}"
             ))),
         }
     }
@@ -237,31 +246,6 @@ pub unsafe extern "C" fn anyface_sounds_write(
     unsafe { guard::guard(error, work) }
 }
 
-/// Number `n` of intervals in which the lips are together. 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_sounds_closure_count(sounds: *const AnyfaceSounds) -> usize {
-    unsafe { sounds.as_ref() }.map_or(0, |sounds| sounds.closures.len())
-}
-
-/// Copies the intervals in which the lips are together into the caller's buffer, in the form that
-/// `anyface_request_set_rows()` takes for "closures".
-///
-/// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_sounds_copy_closures(
-    sounds: *const AnyfaceSounds,
-    buffer: *mut f64,
-    double_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let values = || {
-        let sounds = unsafe { pointer::handle("sounds", sounds) }?;
-        Ok(sounds.closures.as_flattened())
-    };
-    unsafe { guard::copy(buffer, double_count, error, values) }
-}
-
 /// Number `n` of intervals of an `AnyfaceTier`. 0 if the sounds have no such intervals, for an
 /// unknown tier, or for NULL.
 #[unsafe(no_mangle)]
@@ -269,11 +253,11 @@ pub unsafe extern "C" fn anyface_sounds_interval_count(
     sounds: *const AnyfaceSounds,
     tier: i32,
 ) -> usize {
-    let intervals = unsafe { sounds.as_ref() }.and_then(|sounds| sounds.intervals(tier).ok());
-    intervals.map_or(0, <[Interval]>::len)
+    let times = unsafe { sounds.as_ref() }.and_then(|sounds| sounds.times(tier).ok());
+    times.map_or(0, |times| times.len())
 }
 
-/// Label of an interval of an `AnyfaceTier`: a phone (IPA, or as a file spells it), a word or a
+/// Label of an interval of an `AnyfaceTier` but closures: a phone (IPA, or as a file spells it), a word or a
 /// mouth. It lives until the sounds are freed. NULL for NULL, an unknown tier, or a number that is
 /// not below the count.
 #[unsafe(no_mangle)]
@@ -286,7 +270,8 @@ pub unsafe extern "C" fn anyface_sounds_label(
     pointer::lend(unsafe { sounds.as_ref() }.and_then(|s| s.labels.get(tier)?.get(interval)))
 }
 
-/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
+/// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer, in the form that
+/// `anyface_request_set_rows()` takes for "closures".
 ///
 /// `buffer`: `[n, 2]`, start and end in seconds, in rising order; `double_count` must be `n * 2`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `double_count` or tier.
@@ -300,10 +285,7 @@ pub unsafe extern "C" fn anyface_sounds_copy_intervals(
 ) -> AnyfaceStatus {
     let values = || {
         let sounds = unsafe { pointer::handle("sounds", sounds) }?;
-        let times = sounds.intervals(tier)?.iter();
-        Ok(times
-            .flat_map(|i| [i.start_s, i.end_s])
-            .collect::<Vec<f64>>())
+        Ok(sounds.times(tier)?.into_flattened())
     };
     unsafe { guard::copy(buffer, double_count, error, values) }
 }

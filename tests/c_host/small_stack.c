@@ -47,8 +47,9 @@ int main(int argc, char **argv) {
     pthread_attr_t little;
     CHECK(pthread_attr_init(&little) == 0);
     CHECK(pthread_attr_setstacksize(&little, STACK_BYTES) == 0);
-    for (size_t i = 0; anyface_system_name(i) != NULL; i++) {
-        Files files = {anyface_system_name(i), argv[1], argv[2]};
+    static const char *const systems[] = {"freetalk", "cafe-talk", "emoface", "facetalk"};
+    for (size_t i = 0; i < sizeof systems / sizeof *systems; i++) {
+        Files files = {systems[i], argv[1], argv[2]};
         pthread_t thread;
         CHECK(pthread_create(&thread, &little, talk, &files) == 0);
         CHECK(pthread_join(thread, NULL) == 0);

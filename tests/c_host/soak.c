@@ -92,9 +92,9 @@ static size_t some(const void *const *pool) {
 
 static void remake_engine(void) {
     AnyfaceRequest *request = NULL;
-    const char *system = anyface_system_name(draw(5));
+    static const char *const systems[] = {"freetalk", "cafe-talk", "emoface", "facetalk", "nobody"};
     CHECK_OK(anyface_request_new(&request, &error));
-    CHECK_OK(anyface_request_set_text(request, "system", system != NULL ? system : "nobody", &error));
+    CHECK_OK(anyface_request_set_text(request, "system", systems[draw(5)], &error));
     CHECK_OK(anyface_request_set_number(request, "threads", (double)draw(4), &error));
     CHECK_OK(anyface_request_set_text(request, "cache", "off", &error));
     size_t at = draw(SLOTS);
@@ -229,16 +229,15 @@ static void remake_clip(void) {
     REMAKE(clips[at], anyface_clip_free,
            anyface_clip_new(ANY(engines), ANY(faces), ANY(motions), NULL, &clips[at], &error));
     const AnyfaceClip *clip = ANY(clips);
-    size_t floats = 3 * anyface_clip_vertex_count(clip);
-    float *frame = malloc((floats + 1) * sizeof *frame);
-    CHECK(frame != NULL);
-    AnyfaceStatus status = anyface_clip_copy_frame(clip, draw(40), frame,
-                                                   one_in(4) ? floats + 1 : floats, &error);
-    outcome(status, status == ANYFACE_STATUS_OK);
-    for (size_t i = 0; status == ANYFACE_STATUS_OK && i < floats; i++) {
-        CHECK(isfinite(frame[i]));
+    size_t count = 3 * anyface_clip_vertex_count(clip) * anyface_clip_frame_count(clip);
+    const float *moved = anyface_clip_displacements(clip);
+    for (size_t i = 0; i < count; i++) {
+        CHECK(isfinite(moved[i]));
     }
-    free(frame);
+    float landmarks_at_rest[3 * ANYFACE_LANDMARK_COUNT];
+    size_t room = one_in(4) ? 7 : 3 * ANYFACE_LANDMARK_COUNT;
+    AnyfaceStatus status = anyface_clip_copy_landmarks_neutral(clip, landmarks_at_rest, room, &error);
+    outcome(status, status == ANYFACE_STATUS_OK);
 }
 
 static int take_frames(void *user, size_t first, size_t count, const float *displacements) {
