@@ -55,7 +55,7 @@ pub mod job;
 pub mod mesh;
 pub mod models;
 pub mod motion;
-pub mod nn;
+mod nn;
 pub mod operators;
 pub mod output;
 pub mod rig;

@@ -69,11 +69,6 @@ impl Ddim {
         Ok(Ddim { walk })
     }
 
-    /// The training steps that the walk visits, largest first.
-    pub fn timesteps(&self) -> impl ExactSizeIterator<Item = usize> {
-        self.walk.iter().map(|step| step.timestep)
-    }
-
     /// Walks from noise `x`, `[T, C]`, to a sample of the same shape.
     ///
     /// `predict` gets the noisy sample and the training step, and returns the clean sample,
@@ -180,7 +175,8 @@ mod tests {
                 for steps in [10, 100] {
                     let name = |part| format!("{schedule_name}.{spacing_name}.{steps}.{part}");
                     let ddim = Ddim::new(schedule, 1000, spacing, steps).unwrap();
-                    let timesteps: Vec<usize> = ddim.timesteps().collect();
+                    let timesteps: Vec<usize> =
+                        ddim.walk.iter().map(|step| step.timestep).collect();
                     assert_eq!(timesteps, golden.integers(&name("timesteps")));
                     let c = golden.matrix(&name("c"));
                     let predict = |x: &ArrayRef2<f32>, _| Ok((x * 0.3 + &c).mapv(f32::tanh));

@@ -8,16 +8,17 @@ mod guidance;
 mod noise;
 mod schedule;
 
-pub use ddim::{Ddim, Spacing};
-pub use guidance::{guided, mask_guided};
-pub use noise::{frame_noise, slow_noise};
-pub use schedule::Schedule;
+pub(crate) use ddim::{Ddim, Spacing};
+pub(crate) use guidance::{guided, mask_guided};
+pub use noise::frame_noise;
+pub(crate) use noise::slow_noise;
+pub(crate) use schedule::Schedule;
 
 use serde::{Deserialize, Serialize};
 
 /// The forward process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Diffusion {
+pub(crate) struct Diffusion {
     /// Noise schedule.
     pub schedule: Schedule,
     /// Number of diffusion steps in training.

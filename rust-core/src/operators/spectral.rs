@@ -18,7 +18,7 @@ impl Operators {
     ///
     /// # Errors
     /// Those of [`Operators::eigenbasis`].
-    pub fn surface(
+    pub(crate) fn surface(
         &self,
         eigenpairs: usize,
         unit: f64,

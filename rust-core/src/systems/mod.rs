@@ -5,13 +5,13 @@
 //! one.
 
 #[cfg(feature = "cafe-talk")]
-pub mod cafe_talk;
+pub(crate) mod cafe_talk;
 #[cfg(feature = "emoface")]
 pub mod emoface;
 #[cfg(feature = "facetalk")]
-pub mod facetalk;
+pub(crate) mod facetalk;
 #[cfg(feature = "freetalk")]
-pub mod freetalk;
+pub(crate) mod freetalk;
 
 mod describe;
 mod fields;

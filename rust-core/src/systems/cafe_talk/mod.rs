@@ -8,7 +8,7 @@ mod sampling;
 mod system;
 mod window_cache;
 
-pub use config::{CafeTalkConfig, CoarseWay, Sampling};
-pub use denoiser::{Coarse, Conditions, Denoiser};
-pub use sampling::{Guidance, Request};
-pub use system::{CafeTalk, MODEL, REGISTRATION};
+use config::CafeTalkConfig;
+use denoiser::Denoiser;
+use sampling::{Guidance, Request};
+pub use system::REGISTRATION;

@@ -5,6 +5,6 @@ mod denoiser;
 mod opening;
 mod system;
 
-pub use config::{MotionConfig, MotionConfigs, Sampling};
-pub use denoiser::{Denoiser, Memory};
-pub use system::{FaceTalk, REGISTRATION};
+use config::{MotionConfig, MotionConfigs, Sampling};
+use denoiser::Denoiser;
+pub use system::REGISTRATION;

@@ -1,10 +1,10 @@
 //! FreeTalk (Nocentini et al. 2026): Audio-To-Sparse, then Sparse-To-Mesh.
 
-pub mod ats;
+mod ats;
 mod sampling;
-pub mod stm;
-pub mod stream;
+mod stm;
+mod stream;
 mod system;
 
-pub use sampling::AtsRequest;
-pub use system::{ATS_MODEL, FreeTalk, REGISTRATION, STREAM_MODEL};
+use sampling::AtsRequest;
+pub use system::REGISTRATION;

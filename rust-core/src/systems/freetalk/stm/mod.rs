@@ -7,4 +7,4 @@ pub mod paper;
 mod paper_face;
 mod shares;
 
-pub use paper_face::{PaperFace, prepare_paper};
+pub use paper_face::prepare_paper;

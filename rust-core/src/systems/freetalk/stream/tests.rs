@@ -9,7 +9,7 @@ use crate::{
     conditions::EmotionCurve,
     job::SILENT,
     motion::{Expressions, FaceModes, stream_whole},
-    systems::freetalk::STREAM_MODEL,
+    systems::freetalk::system::STREAM_MODEL,
 };
 
 fn built_in() -> Arc<CausalModel> {
