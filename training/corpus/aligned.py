@@ -3,8 +3,8 @@
     python -m training.corpus.aligned --data ../shared/data --out runs/aligned
 
 writes the held-out part of each source as a folder of sound and `phones.jsonl`, for
-`cargo measure quality --aligned`. The corpora here train the speech encoder (`training.speech.train`) and
-drive the co-articulation teacher.
+`cargo measure quality --aligned`. The corpora here train the ear (`training.speech.train_ear`) and drive the
+co-articulation teacher.
 """
 
 import csv

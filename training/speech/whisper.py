@@ -95,21 +95,6 @@ def read_tensors(path: Path) -> dict[str, np.ndarray]:
     return tensors
 
 
-def write_tensors(path: Path, tensors: dict[str, np.ndarray]) -> None:
-    """The inverse of `read_tensors`."""
-    kinds = {np.dtype(kind): number for number, kind in DTYPES.items()}
-
-    def text(value: str) -> bytes:
-        return np.uint16(len(value) + 1).tobytes() + value.encode() + b"\0"
-
-    out = [np.uint32(6).tobytes(), text("WhisperSpec"), np.uint32(3).tobytes()]
-    out.append(np.uint32(len(tensors)).tobytes())
-    for name, value in tensors.items():
-        out += [text(name), np.uint8(value.ndim).tobytes(), np.array(value.shape, "<u4").tobytes()]
-        out += [np.uint8(kinds[value.dtype]).tobytes(), np.uint32(value.nbytes).tobytes(), value.tobytes()]
-    path.write_bytes(b"".join([*out, np.uint32(0).tobytes()]))
-
-
 def slaney_mel(hertz):
     """Slaney's scale: linear to 1 kHz, logarithmic above."""
     hertz = np.asarray(hertz, dtype=np.float64)

@@ -16,6 +16,21 @@ from training.tests.test_parity import SHARED, needs_shared
 REAL = Path(os.environ.get("ANYFACE_WHISPER", "runs/whisper-base"))
 
 
+def write_tensors(path: Path, tensors: dict[str, np.ndarray]) -> None:
+    """The inverse of `whisper.read_tensors`."""
+    kinds = {np.dtype(kind): number for number, kind in whisper.DTYPES.items()}
+
+    def text(value: str) -> bytes:
+        return np.uint16(len(value) + 1).tobytes() + value.encode() + b"\0"
+
+    out = [np.uint32(6).tobytes(), text("WhisperSpec"), np.uint32(3).tobytes()]
+    out.append(np.uint32(len(tensors)).tobytes())
+    for name, value in tensors.items():
+        out += [text(name), np.uint8(value.ndim).tobytes(), np.array(value.shape, "<u4").tobytes()]
+        out += [np.uint8(kinds[value.dtype]).tobytes(), np.uint32(value.nbytes).tobytes(), value.tobytes()]
+    path.write_bytes(b"".join([*out, np.uint32(0).tobytes()]))
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two layers of width 128 with random weights, as CTranslate2 writes them."""
@@ -23,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
     random, state, tensors = np.random.default_rng(0), encoder.state_dict(), {}
     for ours, theirs in whisper.names(2).items():
         tensors[theirs] = (random.standard_normal(state[ours].shape) * 0.1).astype(np.float16)
-    whisper.write_tensors(tmp_path / "model.bin", tensors)
+    write_tensors(tmp_path / "model.bin", tensors)
     return tmp_path
 
 
@@ -33,7 +48,7 @@ def noise(seconds: float) -> torch.Tensor:
 
 def test_tensors_come_back_from_a_file(folder):
     tensors = whisper.read_tensors(folder / "model.bin")
-    whisper.write_tensors(folder / "again.bin", tensors)
+    write_tensors(folder / "again.bin", tensors)
     assert (folder / "again.bin").read_bytes() == (folder / "model.bin").read_bytes()
     assert tensors["encoder/layer_1/self_attention/linear_0/weight"].shape == (384, 128)
 
