@@ -4,7 +4,6 @@
 
 use std::{f64::consts::TAU, sync::Arc};
 
-use ndarray::Array2;
 use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 
 use crate::audio::SAMPLE_RATE_HZ;
@@ -30,10 +29,11 @@ const FLOOR: f32 = 1e-6;
 ///
 /// # Shapes and units
 /// `samples`: `[S]` at 16 kHz, nominally in [−1, 1]. Returns `[1 + S / 160, 64]`.
-pub fn log_mel(samples: &[f32]) -> Array2<f32> {
+#[cfg(test)]
+pub(super) fn log_mel(samples: &[f32]) -> ndarray::Array2<f32> {
     let mut analyser = MelAnalyser::new();
     let mut stretch = [0.0; FRAME];
-    let mut out = Array2::zeros((frames_of_samples(samples.len()), BANDS));
+    let mut out = ndarray::Array2::zeros((frames_of_samples(samples.len()), BANDS));
     for (i, mut row) in out.outer_iter_mut().enumerate() {
         cut_frame(samples, i, &mut stretch);
         analyser.frame(&stretch, row.as_slice_mut().expect("a row is contiguous"));

@@ -14,7 +14,6 @@ mod emotion_listener;
 mod encoder;
 mod encoder_config;
 mod heard;
-pub mod hubert;
 mod letters;
 mod lip_shapes;
 mod log_mel;
@@ -29,8 +28,7 @@ mod tongue;
 mod transformer_encoder;
 mod travel;
 mod voice_gate;
-pub mod wav2vec2;
-pub mod whisper;
+mod whisper;
 mod whisper_mel;
 mod whisper_trunk;
 
@@ -52,13 +50,12 @@ pub use emotion_listener::EmotionListener;
 pub use encoder::{EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of};
 pub use heard::Heard;
 pub use lip_shapes::{LIP_SHAPES, LipShape, LipShapes};
-pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
+pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use pronunciations::{PRONUNCIATIONS, Pronunciations};
 pub use resample::at_motion_frames;
 pub use script::Script;
 pub use tongue::TONGUE_PLACES;
-pub use transformer_encoder::HiddenStates;
 pub use voice_gate::VoiceGate;
 
 use std::path::Path;
@@ -67,6 +64,7 @@ use crate::{
     Error, Result,
     job::{InputKind, read_text},
 };
+use transformer_encoder::TransformerEncoder;
 
 /// The ear with its built-in weights, or those of `folder`: `whisper_trunk` and `ear`.
 ///
@@ -194,12 +192,8 @@ pub fn from_folder(
     let kind: Kind =
         serde_json::from_str(&text).map_err(|e| Error::Weights(format!("config.json: {e}")))?;
     match kind.model_type.as_str() {
-        "hubert" => {
-            let encoder = hubert::Hubert::load_folder(folder, layer)?;
-            Ok(Box::new(encoder.resampled(transformer_fps)))
-        }
-        "wav2vec2" => {
-            let encoder = wav2vec2::Wav2Vec2::load_folder(folder, layer)?;
+        "hubert" | "wav2vec2" => {
+            let encoder = TransformerEncoder::load_folder(folder, layer)?;
             Ok(Box::new(encoder.resampled(transformer_fps)))
         }
         "whisper" => match transformer_fps {

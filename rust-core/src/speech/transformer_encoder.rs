@@ -10,7 +10,7 @@ use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice};
 use rayon::prelude::*;
 
 use super::{
-    FeatureTrack, at_motion_frames,
+    FeatureTrack, SpeechEncoder, at_motion_frames,
     conv_features::ConvFeatures,
     encoder_config::{EncoderConfig, read_preprocessor},
     frames_of,
@@ -59,25 +59,15 @@ enum Chosen {
     Layer(usize),
 }
 
-/// Every hidden state `[T, C]`, beginning with the one before the first layer, and the output.
-pub struct HiddenStates {
-    /// `num_hidden_layers + 1` states.
-    pub hidden: Vec<Array2<f32>>,
-    /// The encoder's output: the last state, normalised in the stable variant.
-    pub output: Array2<f32>,
-}
-
 impl TransformerEncoder {
-    /// Reads a folder whose `config.json` has this `model_type`.
-    pub fn load_folder(folder: &Path, model_type: &str, layer: Option<usize>) -> Result<Self> {
+    /// Reads `config.json`, the weights (as [`super::from_folder`] does) and, if present,
+    /// `preprocessor_config.json`. `layer` is as in [`super::from_folder`].
+    ///
+    /// # Errors
+    /// Those of [`super::from_folder`].
+    pub fn load_folder(folder: &Path, layer: Option<usize>) -> Result<Self> {
         let config =
             EncoderConfig::from_json(&read_text(&folder.join("config.json"), InputKind::Text)?)?;
-        if config.model_type != model_type {
-            return Err(Error::Weights(format!(
-                "config.json: model_type: expected {model_type}, got {}",
-                config.model_type
-            )));
-        }
         let preprocessor = folder.join("preprocessor_config.json");
         let normalise = if preprocessor.exists() {
             read_preprocessor(&read_text(&preprocessor, InputKind::Text)?)?
@@ -143,55 +133,6 @@ impl TransformerEncoder {
     pub fn resampled(mut self, fps: Option<f64>) -> Self {
         self.transformer_fps = fps;
         self
-    }
-
-    /// Channels of the hidden states.
-    pub fn channels(&self) -> usize {
-        self.config.hidden_size
-    }
-
-    /// The chosen hidden state at the rate of the transformer.
-    ///
-    /// Long sounds are encoded in spans of 1500 frames with 100 frames of context on either side
-    /// (at 50 Hz 30 s and 2 s), so that the cost grows with their length and not with its square.
-    /// If the first convolution normalises over time, it does so over each span with its context.
-    pub fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
-        let samples = if self.normalise {
-            unit_variance(&waveform.samples)
-        } else {
-            waveform.samples.clone()
-        };
-        self.check_length(&samples)?;
-        let heard = self.heard_frames(samples.len());
-        let (rate_hz, first_s) = match self.transformer_fps {
-            Some(fps) => (fps, 0.0),
-            None => self.heard_instants(),
-        };
-        let frames = match self.transformer_fps {
-            Some(fps) => frames_of(waveform.duration_s(), fps),
-            None => heard,
-        };
-        let mut features = Array2::zeros((frames, self.channels()));
-        for start in (0..frames).step_by(SPAN) {
-            report(progress, "speech", start as f32 / frames as f32)?;
-            let end = (start + SPAN).min(frames);
-            let first = start.saturating_sub(CONTEXT);
-            let last = (end + CONTEXT).min(frames);
-            let x = match self.transformer_fps {
-                None => self.convolved(&samples, first..last),
-                Some(fps) => self.convolved_at(&samples, first..last, (fps, last == frames)),
-            };
-            let state = self.chosen_state(x);
-            let inner = Slice::from(start - first..end - first);
-            features
-                .slice_axis_mut(Axis(0), Slice::from(start..end))
-                .assign(&state.slice_axis(Axis(0), inner));
-        }
-        Ok(FeatureTrack {
-            features,
-            rate_hz,
-            first_s,
-        })
     }
 
     /// Number of frames that the convolutions give for this many samples.
@@ -264,18 +205,6 @@ impl TransformerEncoder {
         }
     }
 
-    /// Every hidden state of a sound that is already normalised. The sound is encoded in one piece,
-    /// at the rate of the convolutions.
-    pub fn hidden_states(&self, samples: &[f32]) -> Result<HiddenStates> {
-        self.check_length(samples)?;
-        let mut hidden = Vec::new();
-        let heard = self.features.forward(samples);
-        let output = self.run(heard, self.layers.len(), &mut |state| {
-            hidden.push(state.to_owned());
-        });
-        Ok(HiddenStates { hidden, output })
-    }
-
     /// Runs the first `layers` layers on features of the convolutions. Calls `show` with every
     /// hidden state and returns the output.
     fn run(
@@ -305,6 +234,64 @@ impl TransformerEncoder {
             self.norm.forward_in_place(&mut x);
         }
         x
+    }
+}
+
+impl SpeechEncoder for TransformerEncoder {
+    fn name(&self) -> &'static str {
+        if self.config.model_type == "hubert" {
+            "hubert"
+        } else {
+            "wav2vec2"
+        }
+    }
+
+    fn channels(&self) -> usize {
+        self.config.hidden_size
+    }
+
+    /// The chosen hidden state at the rate of the transformer.
+    ///
+    /// Long sounds are encoded in spans of 1500 frames with 100 frames of context on either side
+    /// (at 50 Hz 30 s and 2 s), so that the cost grows with their length and not with its square.
+    /// If the first convolution normalises over time, it does so over each span with its context.
+    fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
+        let samples = if self.normalise {
+            unit_variance(&waveform.samples)
+        } else {
+            waveform.samples.clone()
+        };
+        self.check_length(&samples)?;
+        let heard = self.heard_frames(samples.len());
+        let (rate_hz, first_s) = match self.transformer_fps {
+            Some(fps) => (fps, 0.0),
+            None => self.heard_instants(),
+        };
+        let frames = match self.transformer_fps {
+            Some(fps) => frames_of(waveform.duration_s(), fps),
+            None => heard,
+        };
+        let mut features = Array2::zeros((frames, self.channels()));
+        for start in (0..frames).step_by(SPAN) {
+            report(progress, "speech", start as f32 / frames as f32)?;
+            let end = (start + SPAN).min(frames);
+            let first = start.saturating_sub(CONTEXT);
+            let last = (end + CONTEXT).min(frames);
+            let x = match self.transformer_fps {
+                None => self.convolved(&samples, first..last),
+                Some(fps) => self.convolved_at(&samples, first..last, (fps, last == frames)),
+            };
+            let state = self.chosen_state(x);
+            let inner = Slice::from(start - first..end - first);
+            features
+                .slice_axis_mut(Axis(0), Slice::from(start..end))
+                .assign(&state.slice_axis(Axis(0), inner));
+        }
+        Ok(FeatureTrack {
+            features,
+            rate_hz,
+            first_s,
+        })
     }
 }
 

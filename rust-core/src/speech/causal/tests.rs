@@ -9,7 +9,7 @@ use super::*;
 use crate::{
     models::BuiltIn,
     nn::golden::{Golden, distance},
-    speech::log_mel,
+    speech::log_mel::log_mel,
 };
 
 static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_emoface::CAUSAL_SPEECH);
