@@ -19,19 +19,20 @@ use crate::{
     clip_stream::anyface_clip_stream,
     engine::AnyfaceEngine,
     error::{AnyfaceError, anyface_error_free, anyface_error_message},
-    event_notes::anyface_event_notes_new,
     face::AnyfaceFace,
     mesh::AnyfaceMesh,
     motion::{
         AnyfaceMotion, MotionSource, anyface_motion_new_again, anyface_motion_new_content,
         anyface_motion_new_frames, anyface_motion_new_redone, anyface_request_set_motion,
     },
+    motion_notes::anyface_motion_notes,
     motion_values::anyface_motion_copy_mask,
     pointer,
-    request::{AnyfaceRequest, anyface_request_new},
-    rig::{AnyfaceRig, anyface_rig_new_by_field},
+    request::{AnyfaceRequest, anyface_request_new, anyface_request_set_number},
+    rig::{AnyfaceRig, anyface_rig_new},
     sliders::{AnyfaceSliders, anyface_sliders_new},
     status::AnyfaceStatus,
+    text::anyface_text_free,
 };
 
 /// Calls a function whose last argument is the error, and returns its status and message.
@@ -157,9 +158,14 @@ fn clips_are_written_only_with_their_own_mesh_and_rig() {
     let [(face, mesh), (other_face, other_mesh)] = [head(&engine, 64), head(&engine, 56)];
     let motion = speech(&engine, 8000);
     let [clip, other] = [&face, &other_face].map(|face| clip_of(&engine, face, &motion));
+    let mut by_field: *mut AnyfaceRequest = null_mut();
+    unsafe {
+        anyface_request_new(&mut by_field, null_mut());
+        anyface_request_set_number(by_field, c"by_field".as_ptr(), 1.0, null_mut());
+    }
     let rig_of = |mesh: &AnyfaceMesh| {
         object_of(|out, error| unsafe {
-            anyface_rig_new_by_field(&engine, mesh, null(), 0, null(), out, error)
+            anyface_rig_new(&engine, mesh, by_field, null(), out, error)
         })
     };
     let rigs: [Option<&AnyfaceRig>; 2] = [&mesh, &other_mesh].map(rig_of);
@@ -243,9 +249,11 @@ fn motion_faces_and_engines_of_different_systems_never_panic() {
                         error,
                     )
                 });
-                object_of(|out, error| unsafe {
-                    anyface_event_notes_new(engine, face, motion, null(), out, error)
+                let mut notes = null_mut();
+                status_of(|error| unsafe {
+                    anyface_motion_notes(engine, face, motion, null(), &mut notes, error)
                 });
+                unsafe { anyface_text_free(notes) };
                 let mut mask = vec![0.0; face.0.mesh.positions.len()];
                 status_of(|error| unsafe {
                     anyface_motion_copy_mask(
