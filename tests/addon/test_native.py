@@ -35,9 +35,7 @@ def as_ctypes(declaration):
     name = re.sub(r"\b(const|struct|enum)\b|\*", "", declaration).strip()
     if stars == 0:
         return None if name == "void" else NUMBERS[name]
-    if name == "char" and "const" not in declaration:
-        return ctypes.POINTER(ctypes.c_void_p)
-    if name == "char":
+    if name == "char" and "const" in declaration:
         return [ctypes.c_char_p, ctypes.POINTER(ctypes.c_char_p)][stars - 1]
     if stars == 2:
         return ctypes.POINTER(ctypes.c_void_p)
