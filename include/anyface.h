@@ -339,8 +339,7 @@ extern "C" {
 ///
 /// It is raised when an existing part of the interface changes its meaning or goes away. A program
 /// that loads the library at run time should stop if this differs from its own
-/// `ANYFACE_ABI_VERSION`. New functions, and new fields at the end of an options struct, do not
-/// raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
+/// `ANYFACE_ABI_VERSION`. New functions and new names of a request do not raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
 /// and a program has to be rebuilt with each library.
 uint32_t anyface_abi_version(void);
 

@@ -26,8 +26,7 @@ const _: () = assert!(ANYFACE_EMOTION_COUNT == anyface::conditions::EMOTIONS.len
 ///
 /// It is raised when an existing part of the interface changes its meaning or goes away. A program
 /// that loads the library at run time should stop if this differs from its own
-/// `ANYFACE_ABI_VERSION`. New functions, and new fields at the end of an options struct, do not
-/// raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
+/// `ANYFACE_ABI_VERSION`. New functions and new names of a request do not raise it. It counts from the first release on. Until 0.1.0 is out it stays 1 whatever changes,
 /// and a program has to be rebuilt with each library.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_abi_version() -> u32 {

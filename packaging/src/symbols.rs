@@ -279,7 +279,7 @@ mod tests {
     #[test]
     fn the_header_names_its_functions() {
         let names = functions_of_header().unwrap();
-        for name in ["anyface_abi_version", "anyface_stream_look_ahead"] {
+        for name in ["anyface_abi_version", "anyface_stream_obey"] {
             assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
         }
     }
@@ -309,7 +309,7 @@ mod tests {
         assert_eq!(needed(&file, &bytes).unwrap(), ["libc.so.6"]);
         let message = check(Platform::here().unwrap(), &library).unwrap_err();
         let message = message.to_string();
-        assert!(message.contains("anyface_stream_look_ahead"), "{message}");
+        assert!(message.contains("anyface_stream_obey"), "{message}");
         assert!(!message.contains("anyface_abi_version"), "{message}");
         fs::remove_dir_all(folder).unwrap();
     }

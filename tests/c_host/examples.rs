@@ -243,18 +243,17 @@ fn the_example_of_takes_hears_once_and_streams_the_frames() {
     run(wrong.args(["head.obj", "voice.wav", "9", "1.0"]), 4);
 }
 
-/// The program in `docs/c-host.md` compiles exactly as printed.
+/// The program and the functions in `docs/c-host.md` compile exactly as printed.
 #[test]
 fn the_page_for_hosts_compiles() {
     let page = std::fs::read_to_string(root().join("docs/c-host.md")).expect("the page is there");
-    let code = page
-        .split("```c\n")
-        .nth(1)
-        .and_then(|rest| rest.split("```").next());
+    let blocks = page.split("```c\n").skip(1);
+    let blocks: Vec<&str> = blocks.filter_map(|rest| rest.split("```").next()).collect();
+    assert!(blocks.len() > 3, "{blocks:?}");
     let folder = workspace("page");
     let source = folder.join("page.c");
     let main = "int main(void) { return talk(0, 0, 0, 0, 0, 0, 0) != ANYFACE_STATUS_MESH; }\n";
-    let text = format!("{}\n{main}", code.expect("the page holds a C program"));
+    let text = format!("{}\n{main}", blocks.join("\n"));
     std::fs::write(&source, text).expect("the source can be written");
     let path = source.to_str().expect("the target folder's name is UTF-8");
     let program = compile(path, Linkage::Shared, &folder);
