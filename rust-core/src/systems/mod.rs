@@ -23,9 +23,7 @@ use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, spe
 
 pub use describe::describe;
 pub(crate) use fields::check_abilities;
-pub use fields::{
-    FIELDS, Field, FieldKind, FieldValue, NamedValue, Need, NumberRange, set_field,
-};
+pub use fields::{FIELDS, Field, FieldKind, FieldValue, NamedValue, Need, NumberRange, set_field};
 pub use slider::Slider;
 pub use system::{
     Ability, Description, EmotionControls, EmotionMask, Registration, Sampled, System,
