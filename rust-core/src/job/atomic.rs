@@ -10,7 +10,10 @@ use std::{
 
 use tempfile::{NamedTempFile, TempDir};
 
-use super::place::{Place, folder_of, follow};
+use super::{
+    place::{Place, folder_of, follow},
+    receipts::Receipts,
+};
 use crate::{Error, Result};
 
 /// Bytes collected before each write.
@@ -200,6 +203,8 @@ pub fn write_atomically(
 /// An unfinished file. If it is dropped before [`Unfinished::finish`], it leaves nothing.
 pub(crate) struct Unfinished {
     path: PathBuf,
+    /// `Some` if nobody typed the name of the file.
+    receipts: Option<Receipts>,
     temporary: Option<NamedTempFile>,
 }
 
@@ -215,9 +220,14 @@ impl Unfinished {
     /// Opens a temporary file beside `path`.
     ///
     /// # Errors
-    /// `Io`; `InvalidInput` for a file that the job reads or already writes.
+    /// `Io`; `InvalidInput` for a file that the job reads or already writes, and for a file of the
+    /// user that a derived name would replace.
     pub(crate) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
         refuse_special(path).map_err(Error::io(path))?;
+        let receipts = Receipts::of(path);
+        if let Some(receipts) = &receipts {
+            receipts.check(path)?;
+        }
         if let Some(job) = &mut *JOB.lock().unwrap_or_else(PoisonError::into_inner) {
             job.note_output(path)?;
         }
@@ -229,8 +239,12 @@ impl Unfinished {
         let file = temporary.reopen().map_err(Error::io(path))?;
         let path = path.to_owned();
         let file = BufWriter::with_capacity(BUFFER_BYTES, file);
-        let temporary = Some(temporary);
-        Ok((Unfinished { path, temporary }, file))
+        let unfinished = Unfinished {
+            path,
+            receipts,
+            temporary: Some(temporary),
+        };
+        Ok((unfinished, file))
     }
 
     /// Renames the complete file to its place, at once or together with the other files of its job.
@@ -247,6 +261,10 @@ impl Unfinished {
     }
 
     fn place(mut self) -> Result<()> {
+        if let (Some(receipts), Some(temporary)) = (&self.receipts, &self.temporary) {
+            receipts.check(&self.path)?;
+            receipts.add(&self.path, temporary.path());
+        }
         let Some(temporary) = self.temporary.take() else {
             return Ok(());
         };
@@ -316,14 +334,22 @@ impl UnfinishedFolder {
     }
 }
 
-/// Refuses a device or a folder: renaming onto it would replace the device or fail late.
+/// Refuses a device or a folder, and names that no file can have. Renaming would replace the device
+/// or fail late, when other files of the job have their names already.
 fn refuse_special(path: &Path) -> io::Result<()> {
-    match fs::metadata(path) {
-        Ok(file) if !file.is_file() => Err(io::Error::new(
-            io::ErrorKind::InvalidInput,
-            "expected the name of a regular file",
-        )),
-        _ => Ok(()),
+    let is_file = match fs::metadata(path) {
+        Ok(file) => file.is_file(),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        Err(_) => path.file_name().is_some_and(|name| {
+            let (path, name) = (path.as_os_str(), name.as_encoded_bytes());
+            path.as_encoded_bytes().ends_with(name)
+        }),
+    };
+    if is_file {
+        Ok(())
+    } else {
+        let message = "expected the name of a regular file";
+        Err(io::Error::new(io::ErrorKind::InvalidInput, message))
     }
 }
 
@@ -440,9 +466,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let error = write_atomically(folder.path(), |_| Ok(())).unwrap_err();
         assert!(error.to_string().contains("regular file"), "{error}");
+        for name in ["", "no-folder/", "no-folder/.", "no-folder/.."] {
+            let path = match name {
+                "" => PathBuf::new(),
+                name => folder.path().join(name),
+            };
+            let error = write_atomically(&path, |_| Ok(())).unwrap_err();
+            assert!(error.to_string().contains("regular file"), "{error}");
+        }
         let path = folder.path().join("no/such/clip.npz");
         let error = write_atomically(&path, |_| Ok(())).unwrap_err();
         assert!(error.to_string().contains("no/such/clip.npz"), "{error}");
+        let path = folder.path().join("n".repeat(300));
+        assert!(write_atomically(&path, |_| panic!("written")).is_err());
     }
 
     #[cfg(unix)]

@@ -1,5 +1,6 @@
 //! Supports long jobs: reports progress, cancels, estimates memory, reads files within limits,
-//! writes them completely or not at all, and turns panics of third-party decoders into errors.
+//! writes them completely or not at all, replaces no file that nobody named, and turns panics of
+//! third-party decoders into errors.
 
 mod atomic;
 mod input;
@@ -8,6 +9,7 @@ pub mod memory;
 pub(crate) mod outside;
 mod place;
 mod progress;
+pub(crate) mod receipts;
 
 pub(crate) use atomic::{Unfinished, UnfinishedFolder, create_folder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
@@ -17,3 +19,4 @@ pub(crate) use json::check_json;
 pub use place::Place;
 pub(crate) use progress::Watch;
 pub use progress::{Progress, ProgressFn, SILENT, report};
+pub use receipts::Receipts;

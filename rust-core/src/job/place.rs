@@ -49,6 +49,14 @@ impl Place {
         })
     }
 
+    /// The file that a result of this name would replace or make, if the name is a link that leads to
+    /// another folder.
+    pub fn beyond_link(path: &Path) -> Option<PathBuf> {
+        let target = follow(path);
+        let folder = |path: &Path| folder_of(path).canonicalize().ok();
+        (folder(&target) != folder(path)).then_some(target)
+    }
+
     /// Whether a file exists and lies in a folder, however deep.
     pub fn is_inside(file: &Path, folder: &Path) -> bool {
         let real = (file.canonicalize(), folder.canonicalize());
@@ -125,5 +133,9 @@ mod tests {
             Place::of(&dangling),
             Place::of(&folder.path().join("b.npz"))
         );
+        assert_eq!(Place::beyond_link(&soft), None);
+        let outside = folder.path().join("outside");
+        symlink("../c.npz", &outside).unwrap();
+        assert!(Place::beyond_link(&outside).unwrap().ends_with("../c.npz"));
     }
 }
