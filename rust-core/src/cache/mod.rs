@@ -3,11 +3,13 @@
 //! An entry's name is the blake3 hash of everything its content depends on, so entries are never
 //! out of date. The file also holds that hash, and a hash of the key and the payload together.
 //! Reading checks both: a damaged or misnamed entry counts as absent. Files are renamed into place,
-//! so they appear whole. The cache never causes an error: a folder that cannot be read or written
-//! costs time and warnings.
+//! so they appear whole. A folder that cannot be read or written costs time and warnings. A file of
+//! its own marks a folder as a cache. In any folder, only files with names of the cache's own make
+//! are deleted.
 
 use std::{
     collections::BTreeMap,
+    ffi::OsStr,
     fs, io,
     io::Write,
     path::{Path, PathBuf},
@@ -20,13 +22,24 @@ pub use arrays::{Arrays, Values};
 
 use crate::{
     Error, Result,
-    job::{InputKind, read_file},
+    job::{InputKind, Receipts, read_file, receipts},
 };
 
 /// First bytes of every entry; the digit is the version of the layout.
 const MAGIC: &[u8; 8] = b"anyface2";
 const EXTENSION: &str = "anyface-cache";
 const UNFINISHED: &str = "part";
+/// The folder in which Blender's extension keeps pictures of faces, in its own cache.
+const PICTURES: &str = "emotions";
+/// Start of the names of unfinished entries, which `tempfile` chooses.
+const TEMPORARY: &str = ".tmp";
+/// The file that marks a folder as a cache. Programs that make backups know this name and pass the
+/// folder over.
+const MARK: &str = "CACHEDIR.TAG";
+const MARK_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55
+# This folder is a cache of Anyface, which may delete files in it.
+# About this file: https://bford.info/cachedir/
+";
 
 /// Total size beyond which the least recently used entries are deleted.
 pub const DEFAULT_MAX_BYTES: u64 = 2 << 30;
@@ -40,6 +53,74 @@ pub enum CachePolicy {
     UserFolder,
     /// This folder.
     Folder(PathBuf),
+}
+
+impl CachePolicy {
+    /// The folder of the cache, if there is one.
+    pub fn folder(&self) -> Option<PathBuf> {
+        match self {
+            CachePolicy::Off => None,
+            CachePolicy::Folder(folder) => Some(folder.clone()),
+            CachePolicy::UserFolder => user_folder(),
+        }
+    }
+
+    /// The receipts of files with derived names, which lie in the cache.
+    pub fn receipts(&self) -> Receipts {
+        Receipts::new(self.folder())
+    }
+
+    /// Refuses a folder that holds files of others, unless it is marked as a cache. Caches of earlier
+    /// versions have no mark, but hold nothing else either.
+    ///
+    /// # Errors
+    /// `InvalidInput`.
+    pub fn check(&self) -> Result<()> {
+        let CachePolicy::Folder(folder) = self else {
+            return Ok(());
+        };
+        let files = match fs::read_dir(folder) {
+            Ok(files) if !is_marked(folder) => files,
+            _ => return Ok(()),
+        };
+        let mut names = files.flatten().map(|file| file.file_name());
+        names.find(|name| !is_own(name)).map_or(Ok(()), |name| {
+            Err(Error::InvalidInput(format!(
+                "cache: expected a new or an empty folder, or a cache of Anyface, got {}, which holds {}: name another",
+                folder.display(),
+                name.display()
+            )))
+        })
+    }
+}
+
+/// Whether only this program chooses names such as this.
+fn is_own(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    is_entry(&name) || is_unfinished(&name) || [receipts::FILE, PICTURES].contains(&&*name)
+}
+
+fn is_entry(name: &str) -> bool {
+    let stem = name
+        .strip_suffix(EXTENSION)
+        .and_then(|name| name.strip_suffix('.'));
+    stem.is_some_and(|stem| {
+        stem.len() == 2 * blake3::OUT_LEN && stem.bytes().all(|c| c.is_ascii_hexdigit())
+    })
+}
+
+fn is_unfinished(name: &str) -> bool {
+    let stem = name
+        .strip_suffix(UNFINISHED)
+        .and_then(|name| name.strip_suffix('.'));
+    let letters = stem.and_then(|stem| stem.strip_prefix(TEMPORARY));
+    letters.is_some_and(|letters| {
+        letters.len() == 6 && letters.bytes().all(|c| c.is_ascii_alphanumeric())
+    })
+}
+
+fn is_marked(folder: &Path) -> bool {
+    fs::read(folder.join(MARK)).is_ok_and(|text| text == MARK_TEXT.as_bytes())
 }
 
 /// Names an entry by everything that its content depends on.
@@ -118,11 +199,7 @@ pub struct Cache {
 impl Cache {
     /// The cache that `policy` asks for, bounded by [`DEFAULT_MAX_BYTES`].
     pub fn new(policy: &CachePolicy) -> Cache {
-        let folder = match policy {
-            CachePolicy::Off => None,
-            CachePolicy::Folder(folder) => Some(folder.clone()),
-            CachePolicy::UserFolder => user_folder(),
-        };
+        let folder = policy.folder();
         if let Some(folder) = &folder {
             remove_abandoned(folder);
         }
@@ -167,6 +244,11 @@ impl Cache {
     fn store(&self, folder: &Path, path: &Path, key: &CacheKey, arrays: &Arrays) -> io::Result<()> {
         let payload = arrays.to_bytes()?;
         fs::create_dir_all(folder)?;
+        if !is_marked(folder) {
+            write_whole(folder, &folder.join(MARK), |file| {
+                file.write_all(MARK_TEXT.as_bytes())
+            })?;
+        }
         write_whole(folder, path, |file| {
             file.write_all(MAGIC)?;
             file.write_all(&key.digest())?;
@@ -185,13 +267,9 @@ impl Cache {
                 continue;
             };
             let age = meta.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-            match path.extension().and_then(|e| e.to_str()) {
-                Some(EXTENSION) => {
-                    total += meta.len();
-                    entries.insert((age, path), meta.len());
-                }
-                Some(UNFINISHED) if is_abandoned(age) => remove(&path),
-                _ => {}
+            if is_entry(&file.file_name().to_string_lossy()) {
+                total += meta.len();
+                entries.insert((age, path), meta.len());
             }
         }
         for ((_, path), size) in entries {
@@ -213,11 +291,10 @@ fn remove_abandoned(folder: &Path) {
         return;
     };
     for file in files.flatten() {
-        let path = file.path();
-        let is_part = path.extension().is_some_and(|e| e == UNFINISHED);
+        let is_part = is_unfinished(&file.file_name().to_string_lossy());
         let age = file.metadata().and_then(|meta| meta.modified());
         if is_part && age.is_ok_and(is_abandoned) {
-            remove(&path);
+            remove(&file.path());
         }
     }
 }
@@ -257,6 +334,7 @@ fn write_whole(
 ) -> io::Result<()> {
     let suffix = format!(".{UNFINISHED}");
     let mut file = tempfile::Builder::new()
+        .prefix(TEMPORARY)
         .suffix(&suffix)
         .tempfile_in(folder)?;
     write(file.as_file_mut())?;
@@ -326,10 +404,9 @@ mod tests {
 
     fn files(cache: &Cache) -> Vec<PathBuf> {
         let folder = cache.folder.as_ref().unwrap();
-        fs::read_dir(folder)
-            .unwrap()
-            .map(|f| f.unwrap().path())
-            .collect()
+        let files = fs::read_dir(folder).unwrap();
+        let files = files.map(|file| file.unwrap().path());
+        files.filter(|path| !path.ends_with(MARK)).collect()
     }
 
     #[test]
@@ -438,7 +515,13 @@ mod tests {
         let (_folder, cache) = cache();
         let folder = cache.folder.clone().unwrap();
         fs::create_dir_all(&folder).unwrap();
-        for (name, age_s) in [("old.part", 4000), ("young.part", 30), ("old.txt", 4000)] {
+        for (name, age_s) in [
+            (".tmpaB3xyZ.part", 4000),
+            (".tmpyoung0.part", 30),
+            ("film.mkv.part", 4000),
+            (".tmp-notes.part", 4000),
+            ("old.txt", 4000),
+        ] {
             let file = fs::File::create(folder.join(name)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age_s))
                 .unwrap();
@@ -449,7 +532,63 @@ mod tests {
             .map(|p| p.file_name().unwrap().to_owned())
             .collect();
         left.sort();
-        assert_eq!(left, ["old.txt", "young.part"]);
+        assert_eq!(
+            left,
+            [
+                ".tmp-notes.part",
+                ".tmpyoung0.part",
+                "film.mkv.part",
+                "old.txt"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_folder_of_others_is_no_cache_and_an_old_cache_is() {
+        let (_folder, cache) = cache();
+        let folder = cache.folder.clone().unwrap();
+        let policy = CachePolicy::Folder(folder.clone());
+        // It does not exist, is empty, is a cache.
+        policy.check().unwrap();
+        fs::create_dir_all(&folder).unwrap();
+        policy.check().unwrap();
+        cache.get_or_compute(&key("a"), || Ok(arrays(1.0))).unwrap();
+        let film = folder.join("film.mkv.part");
+        fs::write(&film, "x").unwrap();
+        policy.check().unwrap();
+        // A cache of an earlier version has no mark. Beside files of others it is refused.
+        fs::remove_file(folder.join(MARK)).unwrap();
+        let error = policy.check().unwrap_err().to_string();
+        assert!(error.contains("holds film.mkv.part"), "{error}");
+        fs::remove_file(film).unwrap();
+        policy.check().unwrap();
+        // The mark of another program says nothing.
+        fs::write(
+            folder.join(MARK),
+            "Signature: 8a477f597d28d172789f06886806bc55\n",
+        )
+        .unwrap();
+        assert!(policy.check().is_err());
+    }
+
+    #[test]
+    fn eviction_leaves_files_of_others() {
+        let (_folder, cache) = cache();
+        let folder = cache.folder.clone().unwrap();
+        fs::create_dir_all(&folder).unwrap();
+        let others = ["mine.anyface-cache", "film.mkv.part", "notes.txt"];
+        for name in others {
+            let file = fs::File::create(folder.join(name)).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH).unwrap();
+        }
+        let small = cache.with_max_bytes(0);
+        for name in ["a", "b"] {
+            small
+                .get_or_compute(&key(name), || Ok(arrays(1.0)))
+                .unwrap();
+        }
+        assert!(others.iter().all(|name| folder.join(name).exists()));
+        assert_eq!(files(&small).len(), others.len() + 1);
     }
 
     #[cfg(unix)]

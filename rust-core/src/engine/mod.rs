@@ -161,9 +161,11 @@ impl EngineOptions {
     /// Checks what can be checked before anything is loaded.
     ///
     /// # Errors
-    /// `InvalidInput` for an unknown system or a number of threads out of range.
+    /// `InvalidInput` for an unknown system, a number of threads out of range, or a cache folder that
+    /// holds files of others.
     pub fn check(&self) -> Result<()> {
         Registration::find(self.system.as_deref())?;
+        self.cache.check()?;
         match self.threads {
             Some(threads) if !(1..=MAX_THREADS).contains(&threads) => Err(Error::InvalidInput(
                 format!("threads: expected 1 to {MAX_THREADS}, got {threads}"),
@@ -178,7 +180,7 @@ impl Engine {
     ///
     /// # Errors
     /// `Weights` if a file is missing, truncated or does not fit its config; `InvalidInput` for an
-    /// unknown system or a number of threads out of range.
+    /// unknown system, a number of threads out of range, or a cache folder that holds files of others.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
         let folders = [&options.models, &options.speech, &options.emotion_model];
