@@ -1,28 +1,37 @@
 //! Lines of JSON for clients that connect by WebSocket, such as a page in a browser.
 //!
 //! Clients only read: their own messages are discarded. A browser would let pages of other sites connect
-//! too, so these are refused.
+//! too, so these are refused. One thread performs all handshakes at once, so that no client waits for
+//! another.
 
 use std::{
+    collections::VecDeque,
     io,
     net::{TcpListener, TcpStream},
     sync::{Arc, Mutex, PoisonError},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use anyface::{Error, Result};
 use tungstenite::{
-    Message, WebSocket, accept_hdr_with_config,
-    handshake::server::{ErrorResponse, Request, Response},
+    HandshakeError, Message, WebSocket, accept_hdr_with_config,
+    handshake::{
+        MidHandshake,
+        server::{ErrorResponse, Request, Response, ServerHandshake},
+    },
     http::{StatusCode, header::ORIGIN},
     protocol::WebSocketConfig,
 };
 
 use super::address::Address;
 
-/// Timeout for each read and write of the handshake, and for writes of the goodbye.
+/// The longest time that a handshake may take.
 const GREETING: Duration = Duration::from_secs(2);
+/// The most handshakes at a time. One more ends the oldest of them.
+const MOST_GREETINGS: usize = 64;
+/// Time between two looks at clients that are in their handshakes.
+const GREETING_PAUSE: Duration = Duration::from_millis(5);
 /// The most bytes that may wait for a reader before it counts as too slow: some seconds of frames.
 const MOST_WAITING: usize = 256 << 10;
 /// The most bytes that a message of a reader may have. Its content is ignored.
@@ -30,7 +39,7 @@ const MOST_RECEIVED: usize = 4 << 10;
 /// The most messages of a reader that are discarded at a time.
 const MOST_READ: usize = 16;
 /// The most readers at a time. More than this are not the user's own.
-const MOST_READERS: usize = 32;
+const MOST_READERS: usize = 128;
 
 type Readers = Arc<Mutex<Vec<WebSocket<TcpStream>>>>;
 
@@ -61,16 +70,7 @@ impl Broadcast {
             .map_err(Error::io(address.to_string()))?;
         let readers = Readers::default();
         let new = Arc::clone(&readers);
-        thread::spawn(move || {
-            for stream in listener.incoming().flatten() {
-                if let Some(reader) = greet(stream) {
-                    let mut readers = new.lock().unwrap_or_else(PoisonError::into_inner);
-                    if readers.len() < MOST_READERS {
-                        readers.push(reader);
-                    }
-                }
-            }
-        });
+        thread::spawn(move || greet_all(&listener, &new, GREETING));
         Ok(Broadcast {
             readers,
             name: format!("JSON lines to readers of ws://{at}"),
@@ -101,8 +101,7 @@ impl Drop for Broadcast {
     /// Sends every reader a close frame.
     fn drop(&mut self) {
         for reader in self.readers().iter_mut() {
-            let _ = reader.get_ref().set_nonblocking(false);
-            let _ = reader.get_ref().set_write_timeout(Some(GREETING));
+            // A reader that takes nothing more gets none.
             let _ = reader.close(None);
             let _ = reader.flush();
         }
@@ -114,10 +113,55 @@ fn is_later(error: &tungstenite::Error) -> bool {
     matches!(error, tungstenite::Error::Io(error) if error.kind() == io::ErrorKind::WouldBlock)
 }
 
-/// Performs the handshake. Returns `None` if it fails, takes too long or comes from a page of another site.
-fn greet(stream: TcpStream) -> Option<WebSocket<TcpStream>> {
-    stream.set_read_timeout(Some(GREETING)).ok()?;
-    stream.set_write_timeout(Some(GREETING)).ok()?;
+/// Looks at the headers of a client.
+type Check = fn(&Request, Response) -> Result<Response, ErrorResponse>;
+type Handshake = ServerHandshake<TcpStream, Check>;
+
+/// A client in its handshake.
+struct Greeting {
+    since: Instant,
+    handshake: MidHandshake<Handshake>,
+}
+
+/// Performs the handshakes of all clients at once, as long as the process lives. A handshake that takes longer than
+/// `longest` ends.
+fn greet_all(listener: &TcpListener, readers: &Readers, longest: Duration) {
+    let mut greetings = VecDeque::new();
+    loop {
+        // While no client is in its handshake, this thread sleeps until one connects.
+        let _ = listener.set_nonblocking(!greetings.is_empty());
+        let client = match listener.accept() {
+            Ok((stream, _)) => begin(stream),
+            Err(_) => {
+                thread::sleep(GREETING_PAUSE);
+                None
+            }
+        };
+        let waiting = std::mem::take(&mut greetings).into_iter();
+        let steps = waiting.map(|waiting: Greeting| (waiting.since, waiting.handshake.handshake()));
+        for (since, step) in steps.chain(client.map(|step| (Instant::now(), step))) {
+            match step {
+                Ok(reader) => admit(readers, reader),
+                Err(HandshakeError::Interrupted(handshake)) if since.elapsed() < longest => {
+                    greetings.push_back(Greeting { since, handshake });
+                }
+                Err(_) => {}
+            }
+        }
+        greetings.drain(..greetings.len().saturating_sub(MOST_GREETINGS));
+    }
+}
+
+fn admit(readers: &Readers, reader: WebSocket<TcpStream>) {
+    let mut readers = readers.lock().unwrap_or_else(PoisonError::into_inner);
+    if readers.len() < MOST_READERS {
+        readers.push(reader);
+    }
+}
+
+/// Begins a handshake, and goes as far as the client has sent. `None` if the client has gone.
+fn begin(stream: TcpStream) -> Option<Result<WebSocket<TcpStream>, HandshakeError<Handshake>>> {
+    stream.set_nonblocking(true).ok()?;
     stream.set_nodelay(true).ok()?;
     let config = WebSocketConfig::default()
         .read_buffer_size(MOST_RECEIVED)
@@ -125,15 +169,13 @@ fn greet(stream: TcpStream) -> Option<WebSocket<TcpStream>> {
         .max_write_buffer_size(MOST_WAITING)
         .max_message_size(Some(MOST_RECEIVED))
         .max_frame_size(Some(MOST_RECEIVED));
-    let reader = accept_hdr_with_config(stream, check, Some(config)).ok()?;
-    reader.get_ref().set_nonblocking(true).ok()?;
-    Some(reader)
+    Some(accept_hdr_with_config(stream, check as Check, Some(config)))
 }
 
 #[expect(clippy::result_large_err, reason = "the type is tungstenite's")]
 fn check(request: &Request, response: Response) -> Result<Response, ErrorResponse> {
-    let origin = request.headers().get(ORIGIN);
-    if origin.is_none_or(|origin| origin.to_str().is_ok_and(is_ours)) {
+    let mut origins = request.headers().get_all(ORIGIN).iter();
+    if origins.all(|origin| origin.to_str().is_ok_and(is_ours)) {
         return Ok(response);
     }
     let mut refusal = ErrorResponse::new(Some("expected a page from this machine".to_owned()));
@@ -141,9 +183,10 @@ fn check(request: &Request, response: Response) -> Result<Response, ErrorRespons
     Err(refusal)
 }
 
-/// Whether a page of this origin comes from this machine: from a file or from a local server.
+/// Whether a page of this origin comes from a server on this machine, or from a file in a program that says so. Browsers
+/// call the origin of a file "null", but that of a sandboxed frame of any site, too.
 fn is_ours(origin: &str) -> bool {
-    if ["null", "file://"].contains(&origin) {
+    if origin == "file://" {
         return true;
     }
     let Some((_, place)) = origin.split_once("://") else {
@@ -159,6 +202,8 @@ fn is_ours(origin: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Read, Write};
+
     use tungstenite::{client::IntoClientRequest, connect};
 
     fn broadcast() -> (Broadcast, String) {
@@ -181,6 +226,41 @@ mod tests {
         assert_eq!(reader.read().unwrap(), Message::text("two"));
         drop(broadcast);
         assert!(reader.read().unwrap().is_close());
+    }
+
+    /// A server whose handshakes may take this long, and its address.
+    fn server(longest: Duration) -> std::net::SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let at = listener.local_addr().unwrap();
+        thread::spawn(move || greet_all(&listener, &Readers::default(), longest));
+        at
+    }
+
+    #[test]
+    fn nobody_waits_for_silent_clients() {
+        let at = server(Duration::from_secs(3600));
+        let silent = |_| TcpStream::connect(at).unwrap();
+        let mut clients: Vec<TcpStream> = (0..MOST_GREETINGS + 20).map(silent).collect();
+        clients[MOST_GREETINGS]
+            .write_all(b"GET / HTTP/1.1\r\nX: a")
+            .unwrap();
+        connect(format!("ws://{at}")).unwrap();
+        // The oldest ones made room, the others are still let connect.
+        let last = clients.last_mut().unwrap();
+        last.set_nonblocking(true).unwrap();
+        let error = last.read(&mut [0]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::WouldBlock);
+        assert_eq!(clients[0].read(&mut [0]).unwrap(), 0);
+    }
+
+    #[test]
+    fn a_client_that_dribbles_is_let_go() {
+        let at = server(Duration::from_millis(50));
+        let mut client = TcpStream::connect(at).unwrap();
+        // The write fails once the server has closed the connection.
+        while client.write_all(b"a").is_ok() {
+            thread::sleep(Duration::from_millis(5));
+        }
     }
 
     #[test]
@@ -209,7 +289,7 @@ mod tests {
         request.headers_mut().insert(ORIGIN, origin);
         assert!(connect(request).is_err());
         for ours in [
-            "null",
+            "file://",
             "http://localhost",
             "http://127.0.0.1:8080",
             "https://[::1]:9",
@@ -218,6 +298,7 @@ mod tests {
         }
         for other in [
             "",
+            "null",
             "http://localhost.example.com",
             "http://192.168.1.2",
             "localhost",
