@@ -1,6 +1,6 @@
 //! `anyface animate`: turns speech and a mesh into vertex displacements.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Result,
@@ -18,7 +18,7 @@ use crate::{
     opened,
     paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
-    scene::{SceneArgs, copy_sound, sound_copy, sound_of_scene},
+    scene::{SceneArgs, SceneSound},
     stages::{
         Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
     },
@@ -66,13 +66,19 @@ pub struct Animate {
 
 impl Animate {
     /// Results whose names derive from that of the animation.
-    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+    pub fn outputs_beside(&self, shared: &SharedArgs) -> Vec<PathBuf> {
+        let sound = self.scene_sound(shared);
+        let sound = sound.as_ref().and_then(SceneSound::output);
         let mesh = opened::beside(&self.out);
         let opened = [landmarks_beside(&mesh), mesh];
         (opened.into_iter().filter(|_| self.open_mouth))
-            .chain(sound_copy(&self.out, &self.audio))
+            .chain(sound.map(Path::to_owned))
             .chain(self.layers.outputs_beside(&self.out))
             .collect()
+    }
+
+    fn scene_sound(&self, shared: &SharedArgs) -> Option<SceneSound> {
+        SceneSound::of(&self.out, &self.audio, &shared.receipts())
     }
 
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
@@ -95,6 +101,11 @@ impl Animate {
         let mut report = new_report();
         let progress = &|p| console.progress(p);
         let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;
+        let scene_sound = self.scene_sound(shared);
+        if let Some(scene_sound) = &scene_sound {
+            scene_sound.copy(&self.audio)?;
+            report.warnings.extend(scene_sound.warning.clone());
+        }
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
@@ -127,7 +138,9 @@ impl Animate {
         if self.open_mouth {
             face = self.opened(&engine, &face, &mut report, console)?;
         }
-        let is_opened = face.mesh.positions.len() != vertices;
+        // If the mouth was cut open, the mesh differs from its file, so the result takes nothing from that file.
+        let mesh_file = (face.mesh.positions.len() == vertices).then_some(&*self.mesh);
+        let beside = (mesh_file, scene_sound.as_ref().map(|sound| &*sound.path));
         note_face(&mut report, &face);
         let unseen = engine.unseen_events(&face, &request.events, duration_s, progress)?;
         report.warnings.extend(unseen);
@@ -138,9 +151,8 @@ impl Animate {
         }
         if !is_whole {
             let way = (&engine, &face);
-            let file = self.clip_file(way, is_opened, progress)?;
+            let file = self.scene.file(&self.out, beside, way, progress)?;
             speak_into(file, way, sound, &request, &mut report, progress)?;
-            copy_sound(&self.out, &self.audio)?;
             return self.surface.tell(&report, console);
         }
         let waveform = sound.whole(progress)?;
@@ -157,7 +169,9 @@ impl Animate {
         let layered = timed(&mut report, "motion", || {
             self.layers.of(&engine, &face, &performance, progress)
         })?;
-        let file = self.clip_file((&engine, &face), is_opened, progress)?;
+        let file = self
+            .scene
+            .file(&self.out, beside, (&engine, &face), progress)?;
         self.spread(&layered, (redo, file), &mut report, progress)?;
         self.surface.tell(&report, console)
     }
@@ -172,8 +186,7 @@ impl Animate {
     ) -> Result<()> {
         let Some(redo) = redo else {
             let file = (&*self.out, file);
-            self.layers.write(layered, file, report, progress)?;
-            return copy_sound(&self.out, &self.audio);
+            return self.layers.write(layered, file, report, progress);
         };
         let Layered {
             engine,
@@ -188,21 +201,7 @@ impl Animate {
             redo.animate(engine, face, performance, file, progress)
         })?);
         note_result(report, &self.out, face, fps, articulation, result);
-        copy_sound(&self.out, &self.audio)
-    }
-
-    /// Opens the file of the result. If the mouth `is_opened`, the mesh differs from its file, so
-    /// the result takes nothing from that file.
-    fn clip_file(
-        &self,
-        way: (&Engine, &Face),
-        is_opened: bool,
-        progress: ProgressFn<'_>,
-    ) -> Result<ClipFile> {
-        let mesh = (!is_opened).then_some(&*self.mesh);
-        let sound = sound_of_scene(&self.out, &self.audio);
-        self.scene
-            .file(&self.out, (mesh, sound.as_deref()), way, progress)
+        Ok(())
     }
 
     /// Prepares the face with its mouth cut open, and writes the new mesh beside the result. If the

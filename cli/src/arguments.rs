@@ -13,7 +13,7 @@ use anyface::{
     audio::SoundFile,
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
-    job::{InputKind, ProgressFn, read_text},
+    job::{InputKind, ProgressFn, Receipts, read_text},
     mesh::{
         Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
         PartRole, PartSelector,
@@ -85,6 +85,11 @@ impl SharedArgs {
     /// The folder given by --weights.
     pub fn weights(&self) -> Option<&Path> {
         self.weights.as_deref()
+    }
+
+    /// The receipts of results whose names nobody typed.
+    pub fn receipts(&self) -> Receipts {
+        self.options().cache.receipts()
     }
 
     /// Checks the options before any work starts.

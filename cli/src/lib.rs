@@ -132,7 +132,7 @@ impl Arguments {
     /// Further results, whose names derive from those of other results.
     fn outputs_beside(&self) -> Vec<PathBuf> {
         match &self.command {
-            Command::Animate(command) => command.outputs_beside(),
+            Command::Animate(command) => command.outputs_beside(&self.shared),
             Command::Head(command) => command.outputs_beside(),
             Command::OpenMouth(command) | Command::OpenEyes(command) => command.outputs_beside(),
             Command::Rig(command) => command.outputs_beside(),
@@ -143,7 +143,10 @@ impl Arguments {
     /// Runs the command and returns its exit code. Either all results are written or none. Only a batch
     /// writes its results one by one.
     fn job(&self, files: &Files, is_cancelled: fn() -> bool, console: &Console) -> Result<u8> {
-        files.check()?;
+        files.check(&self.shared.receipts())?;
+        for warning in files.link_warnings() {
+            console.aside(&format!("warning: {warning}"));
+        }
         if let Command::Batch(command) = &self.command {
             self.shared.check()?;
             return command.run(&self.shared, console);

@@ -1,7 +1,8 @@
 //! Which files a command reads and which it writes.
 //!
 //! The type of an option says whether it reads or writes, so that no option can be forgotten. Before work begins, the
-//! command compares every result with every file that it reads and with every other result.
+//! command compares every result with every file that it reads and with every other result. A result whose name the
+//! user did not type replaces only what this program wrote there.
 
 use std::{
     ffi::OsString,
@@ -9,7 +10,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyface::{Error, Result, job::Place};
+use anyface::{
+    Error, Result,
+    job::{Place, Receipts},
+};
 use clap::{ArgMatches, Command};
 
 macro_rules! path_type {
@@ -60,6 +64,15 @@ pub fn landmarks_beside(mesh: &Path) -> PathBuf {
     mesh.with_extension("landmarks.json")
 }
 
+/// Says which file a result replaces if its name is a link that leads to another folder.
+pub fn link_warning(out: &Path) -> Option<String> {
+    let target = Place::beyond_link(out)?;
+    let (out, target) = (out.display(), target.display());
+    Some(format!(
+        "{out} is a link: the result is written to {target}"
+    ))
+}
+
 /// A path, and the option that an error names with it.
 struct Named {
     option: String,
@@ -70,6 +83,8 @@ struct Named {
 pub struct Files {
     inputs: Vec<Named>,
     outputs: Vec<Named>,
+    /// How many of the outputs have names that the user typed. They come first.
+    typed: usize,
 }
 
 impl Files {
@@ -78,8 +93,10 @@ impl Files {
         let mut files = Files {
             inputs: Vec::new(),
             outputs: Vec::new(),
+            typed: 0,
         };
         files.read(command, matches);
+        files.typed = files.outputs.len();
         files.outputs.extend(beside.into_iter().map(|path| Named {
             option: path.display().to_string(),
             path,
@@ -97,7 +114,16 @@ impl Files {
             };
             // If the option has another type, the call returns an error: it is no path of this kind.
             if let Ok(Some(paths)) = matches.try_get_many::<InputPath>(id) {
-                self.inputs.extend(paths.map(|path| named(path)));
+                let paths: Vec<&InputPath> = paths.collect();
+                self.inputs.extend(paths.iter().map(|path| named(path)));
+                // `anyface landmarks` may replace this very file, which it is there to make.
+                if id == "mesh" && command.get_name() != "landmarks" {
+                    let beside = paths.iter().map(|path| landmarks_beside(path));
+                    self.inputs.extend(beside.map(|path| Named {
+                        option: "the landmarks of --mesh".to_owned(),
+                        path,
+                    }));
+                }
             }
             if let Ok(Some(paths)) = matches.try_get_many::<OutputPath>(id) {
                 self.outputs.extend(paths.map(|path| named(path)));
@@ -110,11 +136,33 @@ impl Files {
         }
     }
 
-    /// Refuses a result that would replace an input file or another result.
+    /// Refuses a result that would replace an input file, another result, or a file of the user under a name that
+    /// nobody typed.
     ///
     /// # Errors
-    /// `InvalidInput` that names both options.
-    pub fn check(&self) -> Result<()> {
+    /// `InvalidInput` that names the options.
+    pub fn check(&self, receipts: &Receipts) -> Result<()> {
+        self.check_each_other()?;
+        let (typed, derived) = self.outputs.split_at(self.typed);
+        let empty = typed
+            .iter()
+            .find(|output| output.path.as_os_str().is_empty());
+        if let Some(Named { option, .. }) = empty {
+            let message = format!("{option}: expected the name of a file, got an empty one");
+            return Err(Error::InvalidInput(message));
+        }
+        derived
+            .iter()
+            .try_for_each(|output| receipts.derive(&output.path))
+    }
+
+    /// Says which results are written through links to other folders.
+    pub fn link_warnings(&self) -> impl Iterator<Item = String> {
+        let typed = self.outputs[..self.typed].iter();
+        typed.filter_map(|output| link_warning(&output.path))
+    }
+
+    fn check_each_other(&self) -> Result<()> {
         for (n, output) in self.outputs.iter().enumerate() {
             let place = Place::of(&output.path);
             let is_same = |other: &&Named| Place::of(&other.path) == place;
@@ -210,7 +258,7 @@ mod tests {
 
     fn refusal(files: &Files) -> String {
         files
-            .check()
+            .check(&Receipts::default())
             .err()
             .map_or_else(String::new, |error| error.to_string())
     }
@@ -285,6 +333,35 @@ mod tests {
                         pairs += 1;
                     }
                 }
+            }
+        }
+        assert!(pairs > 10, "{pairs}");
+    }
+
+    #[test]
+    fn no_result_replaces_landmarks_beside_the_mesh() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        let mesh = place("m.obj");
+        fs::write(place("m.landmarks.json"), b"by hand").unwrap();
+        let mut pairs = 0;
+        for subcommand in command().get_subcommands() {
+            let name = subcommand.get_name();
+            let reads = options::<InputPath>(subcommand).contains(&"--mesh".to_owned());
+            for output in options::<OutputPath>(subcommand) {
+                if !reads || name == "landmarks" {
+                    continue;
+                }
+                let written = (output.as_str(), &*place("m.landmarks.json"));
+                let Some(files) = files(name, ("--mesh", &mesh), written) else {
+                    continue;
+                };
+                let message = refusal(&files);
+                assert!(
+                    message.contains("the landmarks of --mesh"),
+                    "{name} {output}: {message:?}"
+                );
+                pairs += 1;
             }
         }
         assert!(pairs > 10, "{pairs}");

@@ -61,14 +61,15 @@ struct RigReport<'a> {
 }
 
 impl MakeRig {
-    /// All files that a folder of shapes may hold.
+    /// All files of a folder of shapes.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         if !is_folder(&self.out) {
             return Vec::new();
         }
         let shapes = ARKIT.iter().chain(&VISEMES).copied();
         let names = shapes.chain(["neutral"]).map(str::to_owned);
-        let halves = ARKIT.iter().map(|name| format!("{name}_half"));
+        let halves = ARKIT.iter().filter(|_| self.in_betweens);
+        let halves = halves.map(|name| format!("{name}_half"));
         names
             .chain(halves)
             .map(|name| self.out.join(format!("{name}.obj")))

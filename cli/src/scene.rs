@@ -1,13 +1,15 @@
 //! Options of scene and avatar files, and the sound beside them.
 
 use std::{
+    fs::{self, File},
+    io,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use anyface::{
     Engine, Error, Face, Result,
-    job::{InputKind, Place, ProgressFn, copy_file, read_file},
+    job::{InputKind, Place, ProgressFn, Receipts, copy_file, read_file},
     output::{ClipFile, Format, TakeShapes, VrmNames},
     rig::{SHAPES, ShapeSource, eye_looks},
 };
@@ -41,30 +43,84 @@ enum Names {
     Vrm,
 }
 
-/// The path of the sound file that lies beside the scene `out`, because a scene holds no sound. `None` for other results,
-/// and for sound from a pipe, which can be read only once.
-pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
+/// The usual path of the sound beside the scene `out`. `None` for other results, and for sound from a pipe, which can be
+/// read only once.
+pub fn sound_beside(out: &Path, audio: &Path) -> Option<PathBuf> {
     let is_scene = Format::from_path(out).is_ok_and(Format::is_scene);
-    let is_scene = is_scene && audio.is_file();
     let ending = audio.extension().unwrap_or_default();
-    is_scene.then(|| out.with_extension(ending))
+    (is_scene && audio.is_file()).then(|| out.with_extension(ending))
 }
 
-/// [`sound_of_scene`], but `None` if that is the sound file itself.
-pub fn sound_copy(out: &Path, audio: &Path) -> Option<PathBuf> {
-    let sound = sound_of_scene(out, audio);
-    sound.filter(|path| Place::of(path) != Place::of(audio))
+/// The sound file beside a scene, because a scene holds no sound.
+pub struct SceneSound {
+    pub path: PathBuf,
+    /// Whether the sound is there already.
+    is_there: bool,
+    /// Says why the sound has another name than usual.
+    pub warning: Option<String>,
 }
 
-/// Copies the sound beside a scene.
-///
-/// # Errors
-/// `Audio` or `Io` if it cannot be copied.
-pub fn copy_sound(out: &Path, audio: &Path) -> Result<()> {
-    match sound_copy(out, audio) {
-        Some(path) => copy_file(audio, InputKind::Sound, &path),
-        None => Ok(()),
+impl SceneSound {
+    /// The sound beside the scene `out`. If the user has another file of the usual name, it gets the name of the scene
+    /// with the ending of the sound behind it.
+    pub fn of(out: &Path, audio: &Path, receipts: &Receipts) -> Option<SceneSound> {
+        let usual = sound_beside(out, audio)?;
+        let is_there = |path: &Path| {
+            Place::of(path) == Place::of(audio) || has_content_of(path, audio).unwrap_or(false)
+        };
+        if is_there(&usual) || receipts.may_replace(&usual) {
+            return Some(SceneSound {
+                is_there: is_there(&usual),
+                path: usual,
+                warning: None,
+            });
+        }
+        let ending = audio.extension().unwrap_or("sound".as_ref());
+        let mut name = out.as_os_str().to_owned();
+        name.push(".");
+        name.push(ending);
+        let path = PathBuf::from(name);
+        let warning = format!(
+            "{} is another file and stays: the sound is in {}",
+            usual.display(),
+            path.display()
+        );
+        Some(SceneSound {
+            is_there: is_there(&path),
+            path,
+            warning: Some(warning),
+        })
     }
+
+    /// The file that is written, if the sound is not there already.
+    pub fn output(&self) -> Option<&Path> {
+        (!self.is_there).then_some(&self.path)
+    }
+
+    /// Copies the sound if it is not there already.
+    ///
+    /// # Errors
+    /// `Audio` or `Io` if it cannot be copied.
+    pub fn copy(&self, audio: &Path) -> Result<()> {
+        match self.output() {
+            Some(path) => copy_file(audio, InputKind::Sound, path),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Whether a path is no link and its file has the bytes of another.
+fn has_content_of(path: &Path, other: &Path) -> io::Result<bool> {
+    let [one, two] = [fs::symlink_metadata(path)?, fs::metadata(other)?];
+    if !one.is_file() || one.len() != two.len() {
+        return Ok(false);
+    }
+    let hash = |path| -> io::Result<blake3::Hash> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(File::open(path)?)?;
+        Ok(hasher.finalize())
+    };
+    Ok(hash(path)? == hash(other)?)
 }
 
 impl SceneArgs {

@@ -6,7 +6,10 @@
 
 use std::{fs, io::Write, path::Path};
 
-use anyface::{Error, Result, job::write_atomically};
+use anyface::{
+    Error, Result,
+    job::{Receipts, write_atomically},
+};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::to_string;
@@ -147,6 +150,10 @@ impl ExportArgs {
             Some(folder) => std::path::absolute(&**folder).map_err(Error::io(&**folder))?,
             None => table.with_extension(name(engine)),
         };
+        let receipts = Receipts::new(Some(folder.clone()));
+        for (_, file) in engine.templates() {
+            receipts.derive(&folder.join(file))?;
+        }
         fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
         let cores = self.threads();
         let memory_mb = match self.memory {

@@ -241,31 +241,50 @@ fn opened(path: &Path) -> Result<File> {
 /// Hands every entry of a history to `take`, the oldest first.
 ///
 /// # Errors
-/// `Io` if the file exists but cannot be read, `InvalidInput` if it is not a regular file.
+/// `Io` if the file exists but cannot be read, `InvalidInput` if it is not a regular file, or holds something else.
 pub fn each_entry(path: &Path, mut take: impl FnMut(Entry)) -> Result<()> {
+    let is_link = fs::symlink_metadata(path).is_ok_and(|file| file.is_symlink());
+    let wrong = |got: &str| {
+        let path = path.display();
+        Err(Error::InvalidInput(format!(
+            "{path}: expected the history of a batch, got {got}: move it away"
+        )))
+    };
+    if is_link {
+        return wrong("a link");
+    }
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(Error::io(path)(error)),
     };
     if !file.metadata().map_err(Error::io(path))?.is_file() {
-        let path = path.display();
-        return Err(Error::InvalidInput(format!(
-            "{path}: expected the history of a batch, got no regular file: move it away"
-        )));
+        return wrong("no regular file");
     }
     let mut lines = BufReader::new(file);
     let mut line = Vec::new();
+    let (mut is_empty, mut is_history) = (true, false);
     loop {
         line.clear();
         let part = &mut (&mut lines).take(LONGEST_LINE);
         let count = part.read_until(b'\n', &mut line);
         if count.map_err(Error::io(path))? == 0 {
-            return Ok(());
+            break;
         }
-        if let Ok(entry) = serde_json::from_slice::<Entry>(&line) {
+        // A killed process may have left half an entry, even the only one.
+        is_empty = false;
+        is_history |= line.starts_with(b"{\"name\"");
+        if let Ok(entry) = serde_json::from_slice::<Entry>(&line)
+            && !entry.name.is_empty()
+        {
+            is_history = true;
             take(entry);
         }
+    }
+    if is_empty || is_history {
+        Ok(())
+    } else {
+        wrong("another file")
     }
 }
 

@@ -24,7 +24,7 @@ use std::{
     time::{Instant, SystemTime, UNIX_EPOCH},
 };
 
-use anyface::{Error, Result};
+use anyface::{Error, Result, job::Receipts};
 use clap::Args;
 
 use crate::{arguments::SharedArgs, console::Console, paths::InputPath, signals};
@@ -119,9 +119,10 @@ impl Batch {
     /// Runs the command. Returns the exit code.
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<u8> {
         let started = Instant::now();
-        let rows = rows::read(&self.lines, &self.defaults, &self.map)?;
-        let chosen = self.chosen(&rows)?;
         let folder = self.reports();
+        let pages = results::paths(&folder);
+        let rows = rows::read(&self.lines, &self.defaults, &self.map, &pages)?;
+        let chosen = self.chosen(&rows)?;
         let ledger = Ledger::open(&folder)?;
         if self.export.is_on() {
             return self.hand_over(&rows, &ledger, console);
@@ -149,6 +150,8 @@ impl Batch {
                 console,
             );
         }
+        let receipts = Receipts::new(Some(folder.clone()));
+        pages.iter().try_for_each(|path| receipts.derive(path))?;
         let faces = Faces::default();
         let job = Job {
             rows: &rows,

@@ -29,6 +29,11 @@ const PICTURES: usize = 3;
 const PAGE: &str = include_str!("../../farm/results.html");
 const ROWS: &str = "{{ROWS}}";
 
+/// The paths of the summary and of the page.
+pub fn paths(folder: &Path) -> [PathBuf; 2] {
+    ["batch.json", "results.html"].map(|name| folder.join(name))
+}
+
 /// One row of the summary and the page.
 #[derive(Serialize)]
 struct Shown {
@@ -155,13 +160,13 @@ pub fn write(
     let Some(faces) = faces else {
         return Ok(());
     };
-    let page = folder.join("results.html");
+    let [document_path, page] = paths(folder);
     summary.results = Some(page.display().to_string());
     let document = Document {
         summary,
         lines: &shown,
     };
-    write_json(&folder.join("batch.json"), &document)?;
+    write_json(&document_path, &document)?;
     shown.sort_by(|a, b| b.attention.total_cmp(&a.attention));
     add_curves(folder, &mut shown)?;
     add_pictures(rows, faces, &mut shown);

@@ -21,8 +21,8 @@ use super::{
 };
 use crate::{
     arguments::{FaceArgs, SharedArgs},
-    paths::{CachePath, InputPath, OutputPath},
-    scene::sound_copy,
+    paths::{CachePath, InputPath, OutputPath, landmarks_beside},
+    scene::sound_beside,
 };
 
 /// The one column that is not an option.
@@ -154,12 +154,17 @@ struct Reader<'a> {
     name: Option<usize>,
 }
 
-/// Reads all rows of a table.
+/// Reads all rows of a table. No row may write one of the batch's own `files`.
 ///
 /// # Errors
 /// `Io` if the table cannot be read, `InvalidInput` if its header is not that of a batch. An error
 /// in one row is kept in [`Row::line`].
-pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Row>> {
+pub fn read(
+    path: &Path,
+    defaults: &Defaults,
+    maps: &[PathMap],
+    files: &[PathBuf],
+) -> Result<Vec<Row>> {
     let bytes = read_file(path, InputKind::Numbers)?;
     let wrong = |message: String| Error::InvalidInput(format!("{}: {message}", path.display()));
     let is_tabs = path
@@ -206,7 +211,7 @@ pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Ro
         };
         rows.push(row);
     }
-    refuse_clashes(&mut rows, path);
+    refuse_clashes(&mut rows, path, files);
     Ok(rows)
 }
 
@@ -359,7 +364,8 @@ impl Reader<'_> {
         let line = line.and_then(|matches| Line::from_arg_matches(&matches));
         let line = line.map_err(|error| Error::InvalidInput(plain(&error)))?;
         line.check_out()?;
-        outputs.extend(sound_copy(&line.out, &line.audio));
+        let sound = sound_beside(&line.out, &line.audio);
+        outputs.extend(sound.filter(|path| Place::of(path) != Place::of(&line.audio)));
         face.sort();
         Ok(Row {
             number,
@@ -439,11 +445,13 @@ fn plain(error: &clap::Error) -> String {
 
 /// Refuses rows that write what another row writes or reads, and rows that share a name. Rows run
 /// in parallel and in any order, so the result of such a pair would depend on chance.
-fn refuse_clashes(rows: &mut [Row], table: &Path) {
+fn refuse_clashes(rows: &mut [Row], table: &Path, files: &[PathBuf]) {
     let mut names: HashMap<String, Vec<usize>> = HashMap::new();
     let mut written: HashMap<Place, Vec<usize>> = HashMap::new();
     let mut read: HashMap<Place, PathBuf> = HashMap::new();
-    read.insert(Place::of(table), table.to_owned());
+    for path in files.iter().map(PathBuf::as_path).chain([table]) {
+        read.insert(Place::of(path), path.to_owned());
+    }
     let mut places: HashMap<&Path, Place> = HashMap::new();
     for row in rows.iter().filter(|row| row.line.is_ok()) {
         names.entry(row.name.clone()).or_default().push(row.number);
@@ -453,6 +461,10 @@ fn refuse_clashes(rows: &mut [Row], table: &Path) {
         for path in &row.inputs {
             let place = places.entry(path).or_insert_with(|| Place::of(path));
             read.entry(place.clone()).or_insert_with(|| path.clone());
+        }
+        if let Ok(Some(mesh)) = row.line.as_ref().map(|line| &line.options.mesh) {
+            let landmarks = landmarks_beside(mesh);
+            read.insert(Place::of(&landmarks), landmarks);
         }
     }
     let others = |numbers: &[usize], number: usize| {

@@ -19,7 +19,8 @@ use super::{
 };
 use crate::{
     arguments::shown,
-    scene::{copy_sound, sound_of_scene},
+    paths::link_warning,
+    scene::SceneSound,
     stages::{new_report, note_memory, read_sound, spread_into},
 };
 
@@ -38,7 +39,13 @@ pub struct Done {
 pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<Done> {
     let options = &line.options;
     let request = options.motion.request(&line.shared)?;
+    let receipts = line.shared.receipts();
+    let scene_sound = SceneSound::of(&line.out, &line.audio, &receipts);
+    if let Some(path) = scene_sound.as_ref().and_then(SceneSound::output) {
+        receipts.derive(path)?;
+    }
     let mut report = new_report();
+    report.warnings.extend(link_warning(&line.out));
     let sound = read_sound(&mut report, &line.audio, &options.sound, progress)?;
     let duration_s = sound.levels.duration_s();
     let engine = &*ready.engine;
@@ -53,6 +60,7 @@ pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<D
     let take = Take {
         performance,
         landmarks,
+        scene_sound,
     };
     let gap = write(line, ready, &take, &mut report, progress)?;
     report.frames = take.performance.motion.frames();
@@ -61,10 +69,11 @@ pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<D
     Ok(done(report, gap, &waveform))
 }
 
-/// A performance, and its landmarks on the mean face.
+/// A performance, its landmarks on the mean face, and the sound beside its scene.
 struct Take {
     performance: Performance,
     landmarks: LandmarkClip,
+    scene_sound: Option<SceneSound>,
 }
 
 /// Refuses a line that does not fit into memory.
@@ -105,6 +114,7 @@ fn write(
     let Take {
         performance,
         landmarks,
+        scene_sound,
     } = take;
     let mut gap = gap_of(landmarks);
     let fps = performance.motion.fps();
@@ -117,14 +127,17 @@ fn write(
             write_blend_weights(out, &SolvedWeights::exact(clip.names, clip.weights), fps)?;
         }
         (Some(face), _) => {
-            let sound = sound_of_scene(out, &line.audio);
-            let beside = (ready.mesh.as_deref(), sound.as_deref());
+            let sound = scene_sound.as_ref().map(|sound| &*sound.path);
+            let beside = (ready.mesh.as_deref(), sound);
             let scene = &line.options.scene;
             let file = scene.file(out, beside, (engine, face), progress)?;
             let spread =
                 |sink: &mut dyn FrameSink| engine.spread(face, performance, sink, progress);
             spread_into(file, face, fps, articulation, life, report, spread)?;
-            copy_sound(out, &line.audio)?;
+            if let Some(sound) = scene_sound {
+                sound.copy(&line.audio)?;
+                report.warnings.extend(sound.warning.clone());
+            }
         }
         (None, _) => {
             let is_weights = matches!(performance.motion, Motion::Weights(_));

@@ -2,6 +2,7 @@
 
 mod batch;
 mod command;
+mod derived;
 mod hostile;
 mod live;
 #[cfg(target_os = "linux")]
