@@ -83,7 +83,12 @@ def write(path, content) -> None:
 
     Raises `AnyfaceError("file")`; the old file then stays.
     """
-    write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    write_text(path, to_text(content))
+
+
+def to_text(content) -> str:
+    """The text of a JSON file."""
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 def write_text(path, text: str) -> None:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..core.errors import EXIT_CODES, AnyfaceError, plain, say
-from . import cluster, export, jobs, ledger, local, results
+from . import cluster, export, jobs, ledger, local, receipts, results
 from .paths import PathMap
 
 _GO_ON = "what is finished stays, run the batch again to go on"
@@ -57,6 +57,9 @@ def _work(options, words: list[str], folder: Path, listed: jobs.Listed) -> bool:
     began = time.monotonic()
     shots = [asdict(shot) for shot in listed.shots]
     total = len(shots) + len(listed.broken)
+    ledger.check([*shots, *(asdict(row.shot) for row in listed.broken)])
+    if options.rows is None:
+        receipts.check(*results.paths(folder))
     if options.again:
         for shot in shots:
             ledger.forget(shot)
@@ -123,6 +126,8 @@ def _start(options, words: list[str], shots: list[dict]):
 def _sum(folder: Path, listed: jobs.Listed) -> bool:
     """Writes the results of all rows from their reports."""
     rows = [asdict(shot) for shot in listed.shots]
+    receipts.check(*results.paths(folder))
+    ledger.check([asdict(row.shot) for row in listed.broken])
     reports = [report for shot in rows if (report := ledger.read(shot["report"])) is not None]
     for row in listed.broken:
         shot = asdict(row.shot)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ..core import json_file
 from ..core.errors import AnyfaceError
-from . import jobs, ledger
+from . import jobs, ledger, receipts
 from .paths import PathMap
 
 # A bake of 4 s on the default head (8,510 vertices) takes 0.45 GB in Blender 5.0. Film scenes are
@@ -107,9 +107,11 @@ def run(options, command: NodeCommand, saves: list[str], reports: Path) -> str:
     folder = Path(options.out).resolve() if options.out else beside
     needs = measure(reports, options)
     values = _values(engine, command, saves, options.chunk, needs)
-    for template, name in ENGINES[engine].files.items():
+    files = {folder / name: template for template, name in ENGINES[engine].files.items()}
+    receipts.check(*files)
+    for path, template in files.items():
         text = (templates() / template).read_text("utf-8")
-        json_file.write_text(folder / name, fill(text, values))
+        receipts.write(path, fill(text, values))
     typed = ENGINES[engine].hint.replace("{folder}", shlex.quote(str(folder)))
     return (
         f"{len(saves)} rows, {options.chunk} a task, {needs.memory_mb} MB and {needs.cores} cores "

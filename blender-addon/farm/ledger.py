@@ -38,6 +38,14 @@ def read(report: str) -> dict | None:
     return content if is_ours else None
 
 
+def check(shots: list[dict]) -> None:
+    """Raises `AnyfaceError("file")` if something else has the name of a report."""
+    for path in (shot["report"] for shot in shots):
+        if os.path.lexists(path) and (os.path.islink(path) or read(path) is None):
+            text = f"{path}: expected the report of a shot, got another file: move it away"
+            raise AnyfaceError("file", text)
+
+
 def finished(shot: dict) -> dict | None:
     """The report of a shot (`asdict(Shot)`) if it is finished, else None.
 

@@ -5,11 +5,16 @@ from pathlib import Path
 
 from ..core import json_file
 from ..core.errors import AnyfaceError
-from . import export, jobs, ledger
+from . import export, jobs, ledger, receipts
 
 # To keep the page small, only this many rows, the ones that most need a check, have pictures and
 # curves.
 _SHOWN = 100
+
+
+def paths(folder: Path) -> tuple[Path, Path]:
+    """The paths of the summary and of the page."""
+    return folder / f"{jobs.SUMMARY}.json", folder / "results.html"
 
 
 def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
@@ -21,13 +26,14 @@ def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
         "seconds": seconds,
         "shots": [ledger.brief(report) for report in rows],
     }
-    json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
+    summary_path, page_path = paths(folder)
+    receipts.write(summary_path, json_file.to_text(summary))
     try:
         page = (export.templates() / "results.html").read_text(encoding="utf-8")
         # "</script>" would end the page's script, and after "<!--<script>" its own end would not
         # count.
-        data = json.dumps(_ranked(rows)).replace("<", "\\u003c")
-        json_file.write_text(folder / "results.html", page.replace("{{ROWS}}", data))
+        data = json.dumps(_ranked(rows)).replace("<", "\u003c")
+        receipts.write(page_path, page.replace("{{ROWS}}", data))
     except OSError as error:
         raise AnyfaceError("file", f"{error.filename}: {error.strerror}") from error
     return summary

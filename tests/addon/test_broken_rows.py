@@ -144,7 +144,7 @@ def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
     fresh = {path for path in fresh if not path.startswith(("jobs.reports/", "marks/"))}
     assert fresh == {f"out/Szene ä{number:03d}.blend" for number in good}, "nothing is half written"
     reports = files_in(floor.reports)
-    kinds_of_report = (".json", ".log", ".jsonl", "results.html", ".claims")
+    kinds_of_report = (".json", ".log", ".jsonl", "results.html", ".claims", ".anyface-receipts")
     assert [path for path in reports if not path.endswith(kinds_of_report)] == []
     _mended(floor, shots, wrong, defaults)
 
