@@ -4,9 +4,10 @@
 are left out stay unchanged.
 """
 
+import itertools
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from . import json_file, schema, systems
@@ -110,6 +111,26 @@ def file_name(name: str) -> str:
     if not stem:
         raise AnyfaceError("input", f"preset: expected a name with letters or digits, got {name!r}")
     return stem[:80] + SUFFIX
+
+
+def with_free_name(preset: Preset, folder) -> Preset:
+    """The preset under a name that no other of the folder has: its own, or one with a number.
+
+    Raises `AnyfaceError("input")` as `file_name` does.
+    """
+    # The number stays in the file name, which is cut.
+    numbered = (f"{preset.name[:60]} {number}" for number in itertools.count(2))
+    for name in itertools.chain([preset.name], numbered):
+        path = Path(folder) / file_name(name)
+        if not path.exists() or _holds(path, replace(preset, name=name)):
+            return replace(preset, name=name, path=path)
+
+
+def _holds(path: Path, preset: Preset) -> bool:
+    try:
+        return replace(read(path), path=preset.path) == preset
+    except AnyfaceError:
+        return False
 
 
 def in_folder(folder) -> list[Preset]:

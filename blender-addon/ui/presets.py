@@ -137,9 +137,10 @@ class ANYFACE_OT_preset_import(WithFile, Operator):
     bl_label = "Import Preset"
 
     def act(self, ob):
-        """Checks the file, stores a copy of it, and applies it."""
+        """Checks the file, stores a copy of it beside your presets, and applies it."""
         preset = presets.read(bpy.path.abspath(self.filepath))
-        presets.write(preset, own_folder(create=True) / presets.file_name(preset.name))
+        preset = presets.with_free_name(preset, own_folder(create=True))
+        presets.write(preset, preset.path)
         apply(preset, ob.anyface)
         return f"preset {preset.name} imported"
 
@@ -157,7 +158,9 @@ class ANYFACE_OT_preset_export(WithFile, Operator):
         path = Path(bpy.path.abspath(self.filepath))
         if not path.name:
             raise AnyfaceError("file", "export: choose a file name first")
-        path = path.with_suffix(presets.SUFFIX)
+        typed, path = path, path.with_suffix(presets.SUFFIX)
+        if path != typed and path.exists():
+            raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
         presets.write(of_settings(path.stem, ob.anyface), path)
         return f"written {path}"
 

@@ -166,6 +166,23 @@ def test_presets_are_handed_on_as_files(stage, face, addon, tmp_path):
     (addon("ui.presets").own_folder() / "mine.json").unlink()
 
 
+def test_an_import_replaces_no_preset_of_the_same_name(stage, face, addon, tmp_path):
+    own_folder = addon("ui.presets").own_folder(create=True)
+    face.anyface.upper_face = 1.25
+    assert bpy.ops.anyface.preset_save(name="Mine") == {"FINISHED"}
+    before = (own_folder / "mine.json").read_bytes()
+    face.anyface.upper_face = 1.75
+    assert bpy.ops.anyface.preset_export(filepath=str(tmp_path / "mine")) == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="exists already"):
+        bpy.ops.anyface.preset_export(filepath=str(tmp_path / "mine"))
+    for _ in range(2):
+        bpy.ops.anyface.preset_import(filepath=str(tmp_path / "mine.json"))
+    assert (own_folder / "mine.json").read_bytes() == before
+    assert {path.name for path in own_folder.glob("mine*")} == {"mine.json", "mine_2.json"}
+    for path in own_folder.glob("mine*"):
+        path.unlink()
+
+
 def test_shipped_presets_are_good_and_stay(stage, face, addon, installed):
     presets = addon("core.presets")
     shipped = sorted((installed / "presets").glob("*.json"))
