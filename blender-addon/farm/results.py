@@ -32,7 +32,7 @@ def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
         page = (export.templates() / "results.html").read_text(encoding="utf-8")
         # "</script>" would end the page's script, and after "<!--<script>" its own end would not
         # count.
-        data = json.dumps(_ranked(rows)).replace("<", "\u003c")
+        data = json.dumps(_ranked(rows)).replace("<", "\\u003c")
         receipts.write(page_path, page.replace("{{ROWS}}", data))
     except OSError as error:
         raise AnyfaceError("file", f"{error.filename}: {error.strerror}") from error
