@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Result,
+    audio::SoundFile,
     job::ProgressFn,
     mesh::{Mesh, Mouth},
     output::{ClipFile, Format, Report},
@@ -64,6 +65,16 @@ pub struct Animate {
     surface: SurfaceArgs,
 }
 
+/// What is written, and how much of the motion has to be known for it.
+enum Job<'a> {
+    /// The frames of the mesh, while they are made.
+    Frames,
+    /// The frames of the mesh once all motion is known: for layers, or a stretch made again.
+    Whole(Option<Redo<'a>>),
+    /// The surface of the head that resembles the mesh.
+    Surface,
+}
+
 impl Animate {
     /// Results whose names derive from that of the animation.
     pub fn outputs_beside(&self, shared: &SharedArgs) -> Vec<PathBuf> {
@@ -82,25 +93,13 @@ impl Animate {
     }
 
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        // Cheap checks come first, before any slow work.
-        self.surface.check(&self.out)?;
-        if !self.surface.is_asked() {
-            self.scene.check(&self.out)?;
-        }
-        let has_layers = !self.layers.outputs_beside(&self.out).is_empty();
-        if has_layers && Format::from_path(&self.out)? == Format::Vrma {
-            return Err(Error::InvalidInput(
-                "--layers: expected a result with vertices, such as .npz, got .vrma, whose expressions have no layers"
-                    .to_owned(),
-            ));
-        }
-        self.layers.check()?;
+        let job = self.job()?;
         let request = self.motion.request(shared)?;
-        let redo = self.redo.request()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let progress = &|p| console.progress(p);
         let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;
+        let duration_s = sound.levels.duration_s();
         let scene_sound = self.scene_sound(shared);
         if let Some(scene_sound) = &scene_sound {
             scene_sound.copy(&self.audio)?;
@@ -109,71 +108,102 @@ impl Animate {
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
-        let is_whole = self.layers.are_asked() || redo.is_some() || self.surface.is_asked();
-        let duration_s = sound.levels.duration_s();
-        if !self.surface.is_asked() {
-            let heard_s = if is_whole {
-                duration_s
-            } else {
-                Engine::longest_stretch_s(duration_s)
-            };
-            let frames = frames_of(heard_s, request.fps);
-            let vertices = mesh.positions.len();
-            let frames_in_memory = if Format::from_path(&self.out)?.is_scene() {
-                let frames = frames_of(duration_s, request.fps);
-                ClipFile::frames_in_memory(frames) + self.scene.count_shape_frames(&self.out)
-            } else {
-                self.layers.count_frames_in_memory(frames, &mesh)
-            };
-            note_memory(&mut report, &engine, vertices, frames_in_memory, heard_s)?;
+        if let Some((frames, heard_s)) = self.memory(&job, &mesh, duration_s, request.fps)? {
+            note_memory(&mut report, &engine, mesh.positions.len(), frames, heard_s)?;
         }
-        let mut face = timed(&mut report, "prepare", || {
-            if self.open_mouth || self.surface.is_asked() {
+        let found = timed(&mut report, "prepare", || {
+            if self.open_mouth || matches!(job, Job::Surface) {
                 engine.find(&mesh, &options, progress)
             } else {
                 engine.prepare(&mesh, &options, progress)
             }
         })?;
-        let vertices = face.mesh.positions.len();
-        if self.open_mouth {
-            face = self.opened(&engine, &face, &mut report, console)?;
-        }
+        let vertices = found.mesh.positions.len();
+        let face = if self.open_mouth {
+            self.opened(&engine, &found, &mut report, console)?
+        } else {
+            found
+        };
         // If the mouth was cut open, the mesh differs from its file, so the result takes nothing from that file.
         let mesh_file = (face.mesh.positions.len() == vertices).then_some(&*self.mesh);
         let beside = (mesh_file, scene_sound.as_ref().map(|sound| &*sound.path));
+        let way = (&engine, &face);
         note_face(&mut report, &face);
         let unseen = engine.unseen_events(&face, &request.events, duration_s, progress)?;
         report.warnings.extend(unseen);
-        if !self.surface.is_asked() {
+        let file = |report: &mut Report| {
             let reach = engine.mouth_reach(&face, progress)?;
             let limits = reach.map(|reach| reach.sentences());
             report.warnings.extend(limits.into_iter().flatten());
+            self.scene.file(&self.out, beside, way, progress)
+        };
+        let perform = |report: &mut Report, sound: SoundFile| {
+            let waveform = sound.whole(progress)?;
+            let performance = timed(report, "motion", || {
+                engine.perform(&waveform, &request, progress)
+            })?;
+            report.heard_emotion = performance.heard_emotion().cloned();
+            Ok::<_, Error>(performance)
+        };
+        match job {
+            Job::Frames => {
+                let file = file(&mut report)?;
+                speak_into(file, way, sound, &request, &mut report, progress)?;
+            }
+            Job::Whole(redo) => {
+                let file = file(&mut report)?;
+                let performance = perform(&mut report, sound)?;
+                let layered = timed(&mut report, "motion", || {
+                    self.layers.of(&engine, &face, &performance, progress)
+                })?;
+                self.spread(&layered, (redo, file), &mut report, progress)?;
+            }
+            Job::Surface => {
+                let performance = perform(&mut report, sound)?;
+                let moved = (&performance.motion, performance.articulation());
+                self.surface
+                    .write(way, moved, &self.out, &mut report, progress)?;
+            }
         }
-        if !is_whole {
-            let way = (&engine, &face);
-            let file = self.scene.file(&self.out, beside, way, progress)?;
-            speak_into(file, way, sound, &request, &mut report, progress)?;
-            return self.surface.tell(&report, console);
-        }
-        let waveform = sound.whole(progress)?;
-        let performance = timed(&mut report, "motion", || {
-            engine.perform(&waveform, &request, progress)
-        })?;
-        report.heard_emotion = performance.heard_emotion().cloned();
-        if self.surface.is_asked() {
-            let moved = (&performance.motion, performance.articulation());
-            self.surface
-                .write((&engine, &face), moved, &self.out, &mut report, progress)?;
-            return self.surface.tell(&report, console);
-        }
-        let layered = timed(&mut report, "motion", || {
-            self.layers.of(&engine, &face, &performance, progress)
-        })?;
-        let file = self
-            .scene
-            .file(&self.out, beside, (&engine, &face), progress)?;
-        self.spread(&layered, (redo, file), &mut report, progress)?;
         self.surface.tell(&report, console)
+    }
+
+    /// What the command line asks for, after all checks that need no work.
+    fn job(&self) -> Result<Job<'_>> {
+        self.surface.check(&self.out)?;
+        self.layers.check(&self.out)?;
+        if self.surface.is_asked() {
+            return Ok(Job::Surface);
+        }
+        self.scene.check(&self.out)?;
+        let redo = self.redo.request()?;
+        if redo.is_some() || self.layers.are_asked() {
+            return Ok(Job::Whole(redo));
+        }
+        Ok(Job::Frames)
+    }
+
+    /// How many frames are in memory at once, and how many seconds of sound; `None` for a surface.
+    fn memory(
+        &self,
+        job: &Job<'_>,
+        mesh: &Mesh,
+        duration_s: f64,
+        fps: f64,
+    ) -> Result<Option<(usize, f64)>> {
+        let heard_s = match job {
+            Job::Surface => return Ok(None),
+            Job::Whole(_) => duration_s,
+            Job::Frames => Engine::longest_stretch_s(duration_s),
+        };
+        let frames = if Format::from_path(&self.out)?.is_scene() {
+            let frames = frames_of(duration_s, fps);
+            ClipFile::frames_in_memory(frames) + self.scene.count_shape_frames(&self.out)
+        } else {
+            let frames = frames_of(heard_s, fps);
+            self.layers.count_frames_in_memory(frames, mesh)
+        };
+        Ok(Some((frames, heard_s)))
     }
 
     /// Writes the result. With --redo this is the earlier result with one stretch replaced.

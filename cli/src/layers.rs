@@ -57,7 +57,13 @@ pub struct Layered<'a> {
 
 impl LayerArgs {
     /// Runs the cheap checks before any work starts.
-    pub fn check(&self) -> Result<()> {
+    pub fn check(&self, out: &Path) -> Result<()> {
+        if !self.layers.is_empty() && Format::from_path(out)? == Format::Vrma {
+            return Err(Error::InvalidInput(
+                "--layers: expected a result with vertices, such as .npz, got .vrma, whose expressions have no layers"
+                    .to_owned(),
+            ));
+        }
         match &self.mask_out {
             Some(path) if Format::from_path(path)? != Format::Npz => {
                 Err(Error::InvalidInput(format!(
