@@ -4,7 +4,6 @@
 are left out stay unchanged.
 """
 
-import itertools
 import math
 import re
 from dataclasses import dataclass, field, replace
@@ -118,12 +117,14 @@ def with_free_name(preset: Preset, folder) -> Preset:
 
     Raises `AnyfaceError("input")` as `file_name` does.
     """
-    # The number stays in the file name, which is cut.
-    numbered = (f"{preset.name[:60]} {number}" for number in itertools.count(2))
-    for name in itertools.chain([preset.name], numbered):
+    name, number = preset.name, 1
+    while True:
         path = Path(folder) / file_name(name)
         if not path.exists() or _holds(path, replace(preset, name=name)):
             return replace(preset, name=name, path=path)
+        number += 1
+        # The number stays in the file name, which is cut.
+        name = f"{preset.name[:60]} {number}"
 
 
 def _holds(path: Path, preset: Preset) -> bool:
