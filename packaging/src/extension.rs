@@ -133,7 +133,7 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
         &machine::root().join("cli/farm"),
         &stage.join("farm/engines"),
     )?;
-    fs::copy(machine::root().join("docs/blender.md"), stage.join(HELP))?;
+    fs::write(stage.join(HELP), help()?)?;
     let platform = Platform::of_library(library)?;
     name_platform(&stage.join("blender_manifest.toml"), platform)?;
     copy_libraries(steps, library, &stage.join("lib"))?;
@@ -165,6 +165,20 @@ pub fn copy_libraries(steps: &mut Steps, library: &Path, folder: &Path) -> Resul
 
 /// The manual inside the zip. As .txt, because every system knows how to open that.
 const HELP: &str = "help.txt";
+
+/// The pages about Blender, one after the other.
+fn help() -> Result<String> {
+    let folder = machine::root().join("docs");
+    let pages = [
+        "blender",
+        "blender-takes",
+        "blender-feelings",
+        "blender-faces",
+    ];
+    let pages = pages.map(|page| fs::read_to_string(folder.join(page).with_extension("md")));
+    let pages: Vec<String> = pages.into_iter().collect::<Result<_, _>>()?;
+    Ok(pages.join("\n"))
+}
 
 /// Writes the zip's platform into the manifest.
 fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {

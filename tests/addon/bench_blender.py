@@ -1,6 +1,6 @@
 """Measures what the extension costs in Blender, for the tables of docs/measured/speed.md.
 
-It also prints the sliders' errors for docs/blender.md.
+It also prints the sliders' errors for docs/blender-takes.md.
 
 Run by `cargo xtask addon --bench` in Blender's Python module, on a zip with the optimised library.
 If `ANYFACE_BLENDER` names an executable beside `enter` (packaging/chroot.sh), the numbers of a

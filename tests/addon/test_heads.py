@@ -158,7 +158,7 @@ def test_sliders_come_near_to_a_new_run(voice):
     assert ob.anyface_output.articulation == ob.anyface_output.emotion == 1.0
     anew = film(ob, frames)
     left, way = (np.linalg.norm(anew - other, axis=2) for other in (moved, original))
-    # A new run moves vertices by 6 mm. docs/blender.md says how much of that sliders miss.
+    # A new run moves vertices by 6 mm. docs/blender-takes.md says how much of that sliders miss.
     assert way.max() > 0.004 and left.max() < 0.0011 and left.mean() < 0.00012
 
 
