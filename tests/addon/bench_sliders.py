@@ -1,4 +1,4 @@
-"""Measures how close a take's sliders come to a new run. docs/blender-takes.md states the worst errors.
+"""Measures how close a take's sliders come to a new run; docs/blender-takes.md has the worst.
 
 Part of `bench_blender.py`. Each case reports the worst of two voices and two emotions.
 """
