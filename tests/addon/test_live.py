@@ -1,5 +1,7 @@
 """*Live*: a face follows its sound without a take, and nothing is left behind."""
 
+import wave
+
 import bpy
 import numpy as np
 import pytest
@@ -44,6 +46,21 @@ def test_it_follows_in_any_order_and_nothing_stays(talker):
     assert bpy.ops.anyface.live() == {"FINISHED"}
     assert talker.data.shape_keys is None
     assert np.array_equal(shape(talker, 20), before)
+
+
+def test_the_mouth_moves_while_the_voice_is_heard(talker, tmp_path):
+    """The sound is a second of silence, then the voice."""
+    with wave.open(talker.anyface.sound_file) as voice:
+        samples = np.frombuffer(voice.readframes(voice.getnframes()), "<i2") / 32768
+    write_wav(tmp_path / "late.wav", np.concatenate([np.zeros(16000), samples]), 16000)
+    talker.anyface.sound_file = str(tmp_path / "late.wav")
+    rest = shape(talker, 1)
+    bpy.ops.anyface.live()
+    silent, spoken = (
+        max(np.abs(shape(talker, frame) - rest).max() for frame in frames)
+        for frames in (range(6, 20, 3), range(30, 54, 3))
+    )
+    assert spoken > 0.002 and silent < 0.25 * spoken, (silent, spoken)
 
 
 def test_the_emotion_may_change_meanwhile(talker):

@@ -271,7 +271,10 @@ def test_every_stage_has_words_of_its_own(addon):
 def test_shares_are_said_in_words(addon):
     share = addon("core.wording").share
     assert share(0.66) == "about two thirds of the motion (66 %)"
-    assert share(1.0).startswith("nearly all") and share(0.1).startswith("less than half")
+    words = [share(part).partition(" of the")[0] for part in (0.9, 0.89, 0.75, 0.74, 0.6, 0.59)]
+    thirds = "about two thirds"
+    assert words == ["nearly all", "most", "most", thirds, thirds, "about half"]
+    assert share(0.4).startswith("about half") and share(0.39).startswith("less than half")
 
 
 def test_the_manual_is_there_without_internet(addon, stage, installed):

@@ -254,6 +254,11 @@ def test_a_picture_shows_what_is_in_front_and_the_inside_dark(addon):
         assert np.array_equal(drawn[hollow], picture.draw(points, faces[:, ::-1], view, 64))
     front, inside = (drawn[hollow][20:44, 20:44, 0].mean() for hollow in (False, True))
     assert inside < 0.4 * front
+    # The picture is about the centre of the view.
+    aside = picture.draw(*cube(True), picture.View(0.5, -0.75, 2.0), 64)
+    points, faces = cube(True)
+    moved = picture.draw(points - [0.5, -0.75, 0.0], faces, view, 64)
+    assert np.array_equal(aside, moved) and not np.array_equal(aside, drawn[True])
     # A small, nearer cube in the middle hides the part of the large cube behind it.
     points, faces = cube(False)
     small = 0.5 * points + [0.0, 0.0, 3.0]
