@@ -260,15 +260,17 @@ fn steers(text: &[u8]) -> bool {
 #[test]
 fn names_of_files_and_objects_cannot_steer_a_terminal() {
     let folder = stage();
-    let grid = fs::read_to_string(folder.path().join("grid.obj")).unwrap();
-    let named = format!("o Face\u{1b}]0;title\u{7}\u{9b}2J\n{grid}");
+    let head = crate::model("default_head");
+    let text = fs::read_to_string(head.join("head.obj")).unwrap();
+    let named = text.replace("o skin\n", "o Face\u{1b}]0;title\u{7}\u{9b}2J\n");
     fs::write(folder.path().join("named.obj"), named).unwrap();
     let command = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
         let command = command.current_dir(folder.path()).args(arguments);
         command.output().unwrap()
     };
-    let marks = ["--landmarks", "marks.json", "--no-cache"];
+    let marks = head.join("landmarks.json");
+    let marks = ["--landmarks", marks.to_str().unwrap(), "--no-cache"];
     let parts = [&["parts", "--mesh", "named.obj"][..], &marks].concat();
     for json in [&[][..], &["--json"]] {
         let ended = command(&[&parts[..], json].concat());
