@@ -18,7 +18,7 @@ _TO_REST, _TO_NEXT = 2e-3, 1e-2
 _NEAR = 1e-3
 # The same limit for a solution that is only used to tell how far the jaw turns.
 ROUGH = 2e-2
-_MOST_SWEEPS = 60
+_MAX_SWEEPS = 60
 # How often the solver runs anew with the turn of the jaw from the solution before.
 _TURNS = 2
 # The number of frames in a block; a block takes no longer than some hundredths of a second.
@@ -102,7 +102,7 @@ def solve(
     for _ in range(_TURNS if len(response.knots) > 1 else 1):
         descent = _Descent(response, task, products, values)
         yield from descent.begin()
-        for _ in range(_MOST_SWEEPS):
+        for _ in range(_MAX_SWEEPS):
             if (yield from descent.sweep()) < near:
                 break
         values = descent.values.T

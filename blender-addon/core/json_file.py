@@ -13,7 +13,7 @@ from .errors import AnyfaceError
 # Presets, jobs and landmarks are far smaller.
 _LARGEST_BYTES = 64 << 20
 # Longer numbers fit neither a float nor 64 bits.
-_MOST_DIGITS = 19
+_MAX_DIGITS = 19
 
 
 def read(path):
@@ -64,8 +64,8 @@ def known_fields(kind, values: dict):
 
 
 def _whole(digits: str) -> int:
-    if len(digits.lstrip("-")) > _MOST_DIGITS:
-        raise ValueError(f"expected at most {_MOST_DIGITS} digits, got {len(digits)}")
+    if len(digits.lstrip("-")) > _MAX_DIGITS:
+        raise ValueError(f"expected at most {_MAX_DIGITS} digits, got {len(digits)}")
     return int(digits)
 
 

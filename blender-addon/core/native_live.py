@@ -19,7 +19,7 @@ _SAMPLES = round(_RATE_HZ / FPS)
 # After a jump the stream starts this many frames early, so that the face is already in motion.
 _WARM_FRAMES = 50
 # The stream plays through jumps of up to this many frames. After a longer jump it starts anew.
-_MOST_AHEAD = 100
+_MAX_AHEAD = 100
 _FLOATS = POINTER(c_float)
 
 
@@ -254,7 +254,7 @@ class LiveFace(StreamedFace):
         if seconds == self._shown_s and self._feels_anew:
             is_behind = True
         self._shown_s, self._feels_anew = seconds, False
-        if is_behind or frame + 2 > self._next + _MOST_AHEAD:
+        if is_behind or frame + 2 > self._next + _MAX_AHEAD:
             self.start(max(frame - _WARM_FRAMES, 0))
         self._pull(frame + 2)
         share = np.float32(seconds * FPS - frame)

@@ -16,7 +16,7 @@ _BLEND_S, _BLEND_PART = 0.1, 0.25
 # Least squares do not bound the farthest vertex: it may miss by this many times a take's error.
 _ROOM = 1.5
 # If the keys of a take cannot show the motion of a stretch, at most this many are added.
-_MOST_MORE = 32
+_MAX_MORE = 32
 
 
 @dataclass
@@ -158,7 +158,7 @@ def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
     left = motion - weights @ shapes
     missing = float(np.linalg.norm(left)) / max(float(np.linalg.norm(motion)), 1e-20)
     pieces: list[tuple[np.ndarray, np.ndarray]] = []
-    while _farthest(left) > limit and len(pieces) < min(_MOST_MORE, len(motion)):
+    while _farthest(left) > limit and len(pieces) < min(_MAX_MORE, len(motion)):
         _, columns = np.linalg.eigh(left @ left.T)
         column = columns[:, -1]
         peak = np.abs(column).max()

@@ -18,7 +18,7 @@ from .shape_keys import guard, record
 # The scene has this property while a result is written. The undo step before lacks it.
 _MARK = "anyface_writing_"
 # The most undo steps that Blender keeps.
-_MOST_STEPS = 256
+_MAX_STEPS = 256
 NO_UNDO = (
     "Global Undo is off in the preferences, so what was written until then stays: press Remove"
 )
@@ -64,7 +64,7 @@ class WayBack:
             bpy.ops.ed.undo_push(message="Failed")
         modes = _modes()
         _leave_modes()
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             if self._mark not in bpy.context.scene or bpy.ops.ed.undo() != {"FINISHED"}:
                 break
         _enter_modes(modes)

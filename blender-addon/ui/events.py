@@ -15,7 +15,7 @@ from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
 # The most rows that are drawn. The others are only counted.
-_MOST_ROWS = 12
+_MAX_ROWS = 12
 _UNITS = "UNITS"
 _EXPRESSIONS = [
     (word, word.title(), f"Units {', '.join(expression(word).units)}", number)
@@ -57,10 +57,10 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         column = layout.column(align=True)
         models = preferences.model_folder(scene)
         event_rows = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
-        for row in event_rows[:_MOST_ROWS]:
+        for row in event_rows[:_MAX_ROWS]:
             _draw_row(column, row, context.region.width)
-        if len(event_rows) > _MOST_ROWS:
-            column.label(text=f"and {len(event_rows) - _MOST_ROWS} more")
+        if len(event_rows) > _MAX_ROWS:
+            column.label(text=f"and {len(event_rows) - _MAX_ROWS} more")
         if not event_rows:
             text = "A text strip in this channel is an event: its text what the face does"
             words.draw(column, text, context.region.width, "INFO")

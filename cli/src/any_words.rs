@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// The most options that bytes choose for a command line.
-const MOST_OPTIONS: usize = 16;
+const MAX_OPTIONS: usize = 16;
 /// A byte below this chooses one of the values that mean something to some option. Any other byte
 /// starts free text.
 const KNOWN: u8 = 192;
@@ -109,7 +109,7 @@ pub fn words(bytes: &[u8], folder: &Path) -> Vec<OsString> {
     let of_ours = |arg: &&Arg| !["weights", "help", "version"].contains(&arg.get_id().as_str());
     let options: Vec<&Arg> = subcommand.get_arguments().filter(of_ours).collect();
     let mut named = Vec::new();
-    while let Some(choice) = bytes.next().filter(|_| named.len() < MOST_OPTIONS) {
+    while let Some(choice) = bytes.next().filter(|_| named.len() < MAX_OPTIONS) {
         let option = options[usize::from(choice) % options.len()];
         words.push(word(option, &mut bytes, &places));
         named.push(option.get_id());

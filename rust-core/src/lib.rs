@@ -2,7 +2,7 @@
 //!
 //! The data passes through these types, in this order:
 //!
-//! [`audio::Waveform`] → [`speech::Heard`] → [`motion::Motion`] (of a [`systems::System`]) → spread
+//! [`audio::Waveform`] → [`speech::SpeechFeatures`] → [`motion::Motion`] (of a [`systems::System`]) → spread
 //! over a [`Face`] ([`spread`]) → a file ([`output`]), a C buffer or shape keys.
 //!
 //! [`Engine`] runs all these steps:

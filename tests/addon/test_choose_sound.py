@@ -122,7 +122,7 @@ def test_what_blender_cannot_play_is_spoken_all_the_same(addon, stage, tmp_path)
 def test_a_full_sequencer_says_so(addon, sound, monkeypatch):
     grid()
     choose(sound)
-    monkeypatch.setattr(addon("scene.sound.sequencer"), "MOST_CHANNELS", 1)
+    monkeypatch.setattr(addon("scene.sound.sequencer"), "MAX_CHANNELS", 1)
     bpy.context.scene.frame_set(5)
     with pytest.raises(RuntimeError, match="no channel of the sequencer is free at frame 5"):
         choose(sound)

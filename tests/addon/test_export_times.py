@@ -12,7 +12,7 @@ from test_key_names import carrying
 # Frames a second as Blender stores them: `fps` and `fps_base`.
 RATES = {"24": (24, 1.0), "25": (25, 1.0), "29.97": (30, 1.001), "30": (30, 1.0), "60": (60, 1.0)}
 SECONDS = 1.5
-MOST_MM = 0.1
+MAX_MM = 0.1
 FRAMES = (1, 8, 16, 30)
 NAMES = ("browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft")
 
@@ -115,7 +115,7 @@ def test_what_comes_back_moves_with_the_sound(stage, addon, tmp_path, kind, rate
         for lag in range(-4, 5)
     }
     assert min(errors, key=errors.get) == 0, errors
-    assert 1000.0 * errors[0] <= MOST_MM, errors
+    assert 1000.0 * errors[0] <= MAX_MM, errors
 
 
 def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
@@ -140,7 +140,7 @@ def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
     bpy.context.scene.render.fps = 24
     bpy.ops.wm.usd_import(filepath=path)
     other = next(one for one in bpy.data.objects if one.type == "MESH")
-    assert 1000.0 * np.linalg.norm(world(other, FRAMES) - before, axis=2).max() <= MOST_MM
+    assert 1000.0 * np.linalg.norm(world(other, FRAMES) - before, axis=2).max() <= MAX_MM
 
 
 def first_keys(blocks):

@@ -12,7 +12,7 @@ use crate::{
     job::{ProgressFn, report},
     mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Motion, MotionKind, MotionRequest},
-    speech::Heard,
+    speech::SpeechFeatures,
     systems::{Registration, Sampled, System},
 };
 
@@ -52,7 +52,7 @@ struct Toy;
 impl System for Toy {
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {

@@ -30,7 +30,7 @@ HEAD = ROOT / "weights/shared/default_head"
 RATE_HZ = 16000
 NEAR_M = 1e-5
 AXE_VERSION = "4.14.1"
-MOST_BYTES = 10_000_000
+MAX_BYTES = 10_000_000
 
 
 def need(*tools: str) -> None:
@@ -107,7 +107,7 @@ def test_a_clip_is_that_of_the_command(served, tmp_path):
 def test_a_face_talks_after_less_than_ten_megabytes(served):
     kept_out = {served / "anyface" / name for name in ("README.md", "THIRD-PARTY.md")}
     files = [path for path in served.rglob("*") if path.is_file() and path not in kept_out]
-    assert sum(path.stat().st_size for path in files) < MOST_BYTES
+    assert sum(path.stat().st_size for path in files) < MAX_BYTES
 
 
 def test_the_package_packs_what_it_exports(served, tmp_path):

@@ -29,7 +29,7 @@ layers have enormous values."""
 LOUD_QUANTILE = 0.95
 LOUD = 1.0
 """Every sound is brought to this level: the 95 % quantile over frames of the loudest band, in decades."""
-MOST_RAISED = 3.0
+MAX_RAISED = 3.0
 """Decades by which a quiet sound is raised at most. Near-silence stays silent."""
 QUIETEST = -6.5
 """Bands below this many decades of power, after the sound has its level, are raised to it."""
@@ -101,7 +101,7 @@ def levelled(mel: Tensor) -> Tensor:
     one is fixed once a sound has its level, so loud and quiet copies of a sound have the same features.
     """
     level = torch.quantile(mel.amax(dim=1), LOUD_QUANTILE)
-    raised = mel + (LOUD - level).clamp_max(MOST_RAISED)
+    raised = mel + (LOUD - level).clamp_max(MAX_RAISED)
     return (raised.clamp_min(QUIETEST) + 4.0) / 4.0
 
 

@@ -14,7 +14,7 @@ from mathutils import Color, Euler, Quaternion, Vector
 from ...core import turn
 
 # A bone without limits turns no farther than this, radians; a number changes no more than this.
-MOST_TURN, MOST_VALUE = 1.0, 10.0
+MAX_TURN, MAX_VALUE = 1.0, 10.0
 # The letters that name components in data paths.
 _LETTERS = {Vector: "xyzw", Euler: "xyz", Quaternion: "wxyz", Color: "rgb"}
 # Kinds of data-blocks that hold controls, by `ID.id_type`.
@@ -203,7 +203,7 @@ def number(block, path: str) -> Number | None:
         low, high = _limits(owner, key, custom)
     except (AttributeError, KeyError):
         return None
-    low, high = max(low, value - MOST_VALUE), min(high, value + MOST_VALUE)
+    low, high = max(low, value - MAX_VALUE), min(high, value + MAX_VALUE)
     control = Number(block, path, [index or 0], [low - value], [high - value])
     control.rest = value
     return control
@@ -223,8 +223,8 @@ def _indexed(block, path: str) -> str:
 def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
     if custom:
         ui = owner.id_properties_ui(key).as_dict()
-        return (max(ui.get("min", -MOST_VALUE), ui.get("soft_min", -MOST_VALUE)),
-                min(ui.get("max", MOST_VALUE), ui.get("soft_max", MOST_VALUE)))  # fmt: skip
+        return (max(ui.get("min", -MAX_VALUE), ui.get("soft_min", -MAX_VALUE)),
+                min(ui.get("max", MAX_VALUE), ui.get("soft_max", MAX_VALUE)))  # fmt: skip
     rna = owner.bl_rna.properties[key]
     return rna.soft_min, rna.soft_max
 
@@ -254,7 +254,7 @@ def rotation(rig, bone) -> Control | None:
         return None
     free = [i for i in range(3) if not bone.lock_rotation[i]]
     free = [i for i in free if not (euler and _driven(rig, path, i))]
-    low, high = _constrained(bone, "LIMIT_ROTATION", MOST_TURN)
+    low, high = _constrained(bone, "LIMIT_ROTATION", MAX_TURN)
     kind = EulerTurn if euler else VectorTurn
     return kind(rig, path, free, [low[i] for i in free], [high[i] for i in free], bone.name)
 

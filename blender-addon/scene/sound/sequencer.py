@@ -11,7 +11,7 @@ import bpy
 
 from ...core.errors import AnyfaceError
 
-MOST_CHANNELS = 128
+MAX_CHANNELS = 128
 
 
 def all_strips(scene) -> list:
@@ -62,7 +62,7 @@ def _standing(scene, path: str, frame: int):
 def _new_sound(editor, path: str, frame: int):
     strips = outer_strips(editor)
     spans = [(strip.channel, *ends(strip)) for strip in strips]
-    highest = min(max((channel for channel, *_ in spans), default=0) + 1, MOST_CHANNELS)
+    highest = min(max((channel for channel, *_ in spans), default=0) + 1, MAX_CHANNELS)
     # Only an existing strip has a length, so it is created first and moved to a free channel.
     name = os.path.splitext(os.path.basename(path))[0]
     strip = strips.new_sound(name, path, highest, frame)
@@ -70,7 +70,7 @@ def _new_sound(editor, path: str, frame: int):
         _drop(strips, strip)
         raise RuntimeError("unknown format")
     first, last = ends(strip)
-    for channel in range(1, MOST_CHANNELS + 1):
+    for channel in range(1, MAX_CHANNELS + 1):
         row = editor.channels[channel]
         if row.mute or row.lock:
             continue

@@ -23,7 +23,7 @@ const OF_FILES: [&[u8]; 4] = [b"RIFF", b"OggS", b"fLaC", b"ID3"];
 
 /// What [`Input::next`] returns.
 #[derive(Debug)]
-pub enum Heard {
+pub enum SpeechFeatures {
     /// Samples, mono, 16 kHz.
     Samples(Vec<f32>),
     /// Nothing yet.
@@ -77,45 +77,45 @@ impl Input {
     ///
     /// # Errors
     /// `Io` if standard input cannot be read, `Audio` if it holds a sound file instead of raw samples.
-    pub fn next(&mut self, patience: Duration) -> Result<Heard> {
+    pub fn next(&mut self, patience: Duration) -> Result<SpeechFeatures> {
         match self {
             Input::File(samples, next, began) => {
                 let end = samples.len().min(*next + BLOCK);
                 if *next == end {
-                    return Ok(Heard::End);
+                    return Ok(SpeechFeatures::End);
                 }
                 if let Some(began) = began {
                     let due = Duration::from_secs_f64(end as f64 / f64::from(SAMPLE_RATE_HZ));
                     let wait = due.saturating_sub(began.elapsed());
                     thread::sleep(wait.min(patience));
                     if wait > patience {
-                        return Ok(Heard::Nothing);
+                        return Ok(SpeechFeatures::Nothing);
                     }
                 }
                 let block = samples[*next..end].to_vec();
                 *next = end;
-                Ok(Heard::Samples(block))
+                Ok(SpeechFeatures::Samples(block))
             }
             Input::Pipe(receiver) => match receiver.recv_timeout(patience) {
-                Ok(samples) => samples.map(Heard::Samples),
-                Err(RecvTimeoutError::Timeout) => Ok(Heard::Nothing),
-                Err(RecvTimeoutError::Disconnected) => Ok(Heard::End),
+                Ok(samples) => samples.map(SpeechFeatures::Samples),
+                Err(RecvTimeoutError::Timeout) => Ok(SpeechFeatures::Nothing),
+                Err(RecvTimeoutError::Disconnected) => Ok(SpeechFeatures::End),
             },
             Input::Microphone(microphone, was_lost) => {
                 let block = microphone.read(patience);
                 if block.is_lost != *was_lost && !block.samples.is_empty() {
                     *was_lost = block.is_lost;
                     let name = microphone.name();
-                    return Ok(Heard::Change(if block.is_lost {
+                    return Ok(SpeechFeatures::Change(if block.is_lost {
                         format!("{name} is gone; the face rests until it is back")
                     } else {
                         format!("{name} is back")
                     }));
                 }
                 Ok(if block.samples.is_empty() {
-                    Heard::Nothing
+                    SpeechFeatures::Nothing
                 } else {
-                    Heard::Samples(block.samples)
+                    SpeechFeatures::Samples(block.samples)
                 })
             }
         }
@@ -208,10 +208,10 @@ mod tests {
         let (mut sizes, mut was_early) = (Vec::new(), false);
         loop {
             match input.next(Duration::from_millis(5)).unwrap() {
-                Heard::Samples(samples) => sizes.push(samples.len()),
-                Heard::Nothing => was_early = true,
-                Heard::Change(text) => panic!("{text}"),
-                Heard::End => break,
+                SpeechFeatures::Samples(samples) => sizes.push(samples.len()),
+                SpeechFeatures::Nothing => was_early = true,
+                SpeechFeatures::Change(text) => panic!("{text}"),
+                SpeechFeatures::End => break,
             }
         }
         assert_eq!(sizes, [BLOCK, BLOCK, 1]);

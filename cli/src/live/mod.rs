@@ -35,7 +35,7 @@ use crate::{
     stages::{new_report, read_sound},
 };
 use frame::{Feelings, Frame};
-use input::{Heard, Input};
+use input::{Input, SpeechFeatures};
 use meter::Meter;
 use pace::{Pace, Paced, Weights};
 use sound_devices::{DeviceArgs, print_devices};
@@ -190,20 +190,20 @@ impl Show<'_> {
                 continue;
             }
             match input.next(patience)? {
-                Heard::Samples(samples) => {
+                SpeechFeatures::Samples(samples) => {
                     self.meter.hear(&samples);
                     if let Some(monitor) = &mut self.monitor {
                         monitor.push(&samples);
                     }
                     self.stream.push(&samples)?;
                 }
-                Heard::Nothing => continue,
-                Heard::Change(text) => {
+                SpeechFeatures::Nothing => continue,
+                SpeechFeatures::Change(text) => {
                     self.meter.clear();
                     self.console.note(&text);
                     continue;
                 }
-                Heard::End => {
+                SpeechFeatures::End => {
                     self.stream.finish()?;
                     has_ended = true;
                 }

@@ -29,17 +29,17 @@ use super::address::Address;
 /// The longest time that a handshake may take.
 const GREETING: Duration = Duration::from_secs(2);
 /// The most handshakes at a time. One more ends the oldest of them.
-const MOST_GREETINGS: usize = 64;
+const MAX_GREETINGS: usize = 64;
 /// Time between two looks at clients that are in their handshakes.
 const GREETING_PAUSE: Duration = Duration::from_millis(5);
 /// The most bytes that may wait for a reader before it counts as too slow: some seconds of frames.
-const MOST_WAITING: usize = 256 << 10;
+const MAX_WAITING: usize = 256 << 10;
 /// The most bytes that a message of a reader may have. Its content is ignored.
-const MOST_RECEIVED: usize = 4 << 10;
+const MAX_RECEIVED: usize = 4 << 10;
 /// The most messages of a reader that are discarded at a time.
-const MOST_READ: usize = 16;
+const MAX_READ: usize = 16;
 /// The most readers at a time. More than this are not the user's own.
-const MOST_READERS: usize = 128;
+const MAX_READERS: usize = 128;
 
 type Readers = Arc<Mutex<Vec<WebSocket<TcpStream>>>>;
 
@@ -86,7 +86,7 @@ impl Broadcast {
     pub fn send(&mut self, line: &str) {
         self.readers().retain_mut(|reader| {
             // Without a read, the close frames and pings of the reader would go unnoticed.
-            let gone = (0..MOST_READ).find_map(|_| reader.read().err());
+            let gone = (0..MAX_READ).find_map(|_| reader.read().err());
             let sent = reader.send(Message::text(line)).err();
             gone.iter().chain(&sent).all(is_later)
         });
@@ -148,13 +148,13 @@ fn greet_all(listener: &TcpListener, readers: &Readers, longest: Duration) {
                 Err(_) => {}
             }
         }
-        greetings.drain(..greetings.len().saturating_sub(MOST_GREETINGS));
+        greetings.drain(..greetings.len().saturating_sub(MAX_GREETINGS));
     }
 }
 
 fn admit(readers: &Readers, reader: WebSocket<TcpStream>) {
     let mut readers = readers.lock().unwrap_or_else(PoisonError::into_inner);
-    if readers.len() < MOST_READERS {
+    if readers.len() < MAX_READERS {
         readers.push(reader);
     }
 }
@@ -164,11 +164,11 @@ fn begin(stream: TcpStream) -> Option<Result<WebSocket<TcpStream>, HandshakeErro
     stream.set_nonblocking(true).ok()?;
     stream.set_nodelay(true).ok()?;
     let config = WebSocketConfig::default()
-        .read_buffer_size(MOST_RECEIVED)
+        .read_buffer_size(MAX_RECEIVED)
         .write_buffer_size(0)
-        .max_write_buffer_size(MOST_WAITING)
-        .max_message_size(Some(MOST_RECEIVED))
-        .max_frame_size(Some(MOST_RECEIVED));
+        .max_write_buffer_size(MAX_WAITING)
+        .max_message_size(Some(MAX_RECEIVED))
+        .max_frame_size(Some(MAX_RECEIVED));
     Some(accept_hdr_with_config(stream, check as Check, Some(config)))
 }
 
@@ -240,8 +240,8 @@ mod tests {
     fn nobody_waits_for_silent_clients() {
         let at = server(Duration::from_secs(3600));
         let silent = |_| TcpStream::connect(at).unwrap();
-        let mut clients: Vec<TcpStream> = (0..MOST_GREETINGS + 20).map(silent).collect();
-        clients[MOST_GREETINGS]
+        let mut clients: Vec<TcpStream> = (0..MAX_GREETINGS + 20).map(silent).collect();
+        clients[MAX_GREETINGS]
             .write_all(b"GET / HTTP/1.1\r\nX: a")
             .unwrap();
         connect(format!("ws://{at}")).unwrap();

@@ -17,7 +17,7 @@ use tempfile::TempDir;
 const LONGEST: Duration = Duration::from_secs(20);
 /// The most memory that such a file may take, in bytes.
 #[cfg(target_os = "linux")]
-const MOST_MEMORY: u64 = 1 << 30;
+const MAX_MEMORY: u64 = 1 << 30;
 /// Rows and columns of the mesh, which has as many vertices as the animations among the files.
 const GRID: [usize; 2] = [18, 26];
 /// Kinds of error of a refused file. A mesh file may also hold no face.
@@ -93,7 +93,7 @@ fn peak(process: u32) -> u64 {
 /// Says what is wrong with a run. `None` if it went as it should.
 fn complaint(ended: &Ended) -> Option<String> {
     #[cfg(target_os = "linux")]
-    if ended.memory > MOST_MEMORY {
+    if ended.memory > MAX_MEMORY {
         return Some(format!("took {} MB", ended.memory >> 20));
     }
     let Some(status) = ended.status else {

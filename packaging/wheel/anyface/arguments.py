@@ -31,7 +31,7 @@ Points = tuple[np.ndarray | None, np.ndarray | None]
 """Positions `[68, 3]` and vertex numbers `[68]` of landmarks. At least one of them is None."""
 _FIELD_KINDS = systems.NUMBER, systems.TEXT, systems.SOUND
 # With more columns than this the array is transposed: its columns are samples, not channels.
-_MOST_CHANNELS = 32
+_MAX_CHANNELS = 32
 
 
 def mesh_of(mesh: MeshLike, engine: Engine) -> Mesh:
@@ -59,7 +59,7 @@ def sound_of(sound: SoundLike, engine: Engine) -> Sound:
         return Sound(samples, rate_hz, os.fspath(sound))
     array, rate_hz = _pair("sound", sound, "(samples, rate)")
     samples = _full_scale(np.asarray(array))
-    if samples.ndim == 2 and samples.shape[1] <= _MOST_CHANNELS:
+    if samples.ndim == 2 and samples.shape[1] <= _MAX_CHANNELS:
         samples = samples.mean(axis=1)
     if samples.ndim != 1:
         raise _unfit("samples", "[S] or [S, C]", samples.shape)

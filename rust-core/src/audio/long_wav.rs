@@ -11,7 +11,7 @@ use crate::{Error, Result};
 const W64_RIFF: [u8; 16] = *b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00";
 const W64_WAVE: [u8; 16] = *b"wave\xf3\xac\xd3\x11\x8c\xd1\x00\xc0\x4f\x8e\xdb\x8a";
 /// The most chunks that are searched for the samples.
-const MOST_CHUNKS: usize = 1_000;
+const MAX_CHUNKS: usize = 1_000;
 /// The largest `fmt ` chunk that is accepted, bytes.
 const LARGEST_FORMAT: u64 = 4_096;
 
@@ -51,7 +51,7 @@ pub(super) fn as_wav(source: Source) -> Result<Source> {
     let refuse = |what: &str| Error::Audio(format!("expected a WAV with long lengths, {what}"));
     let mut at = if kind == Kind::Rf64 { 12 } else { 40 };
     let (mut format, mut long_length) = (None, None);
-    for _ in 0..MOST_CHUNKS {
+    for _ in 0..MAX_CHUNKS {
         let chunk = chunk(&mut file, kind, at)
             .ok_or_else(|| refuse("got a file that ends before its samples"))?;
         match &chunk.name {

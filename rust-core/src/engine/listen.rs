@@ -8,7 +8,7 @@ use crate::{
     annotation::{Annotation, Symbols, Tier},
     audio::Waveform,
     job::{ProgressFn, SILENT},
-    speech::Heard,
+    speech::SpeechFeatures,
 };
 
 impl Engine {
@@ -45,15 +45,19 @@ impl Engine {
     }
 
     /// Analyses a sound, and attaches the models that find phones and emotions in it.
-    pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
-        let mut heard = Heard::of(waveform, self.encoder.get()?, progress)?;
+    pub(super) fn hear(
+        &self,
+        waveform: &Waveform,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpeechFeatures> {
+        let mut heard = SpeechFeatures::of(waveform, self.encoder.get()?, progress)?;
         heard.phones = Some(Arc::clone(self.shared.phone_model.get()?));
         heard.ear = Some(Arc::clone(self.shared.ear.get()?));
         Ok(heard)
     }
 }
 
-fn closures_of(heard: &Heard) -> Annotation {
+fn closures_of(heard: &SpeechFeatures) -> Annotation {
     let mut closures = heard.contacts(None).together.intervals();
     for interval in &mut closures {
         interval[1] = interval[1].min(heard.duration_s).max(interval[0]);

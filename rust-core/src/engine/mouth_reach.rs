@@ -28,10 +28,10 @@ const FPS: f64 = 25.0;
 const LEAST_PARTED: f32 = 0.5;
 /// Lips farther apart than this in p, b, m look open, metres on a human head. The lips of the
 /// default head meet within 0.5 mm.
-const MOST_APART_M: f32 = 2.5e-3;
+const MAX_APART_M: f32 = 2.5e-3;
 /// A lower lip farther from the upper teeth than this in f and v does not seem to touch them,
 /// metres on a human head.
-const MOST_FROM_TEETH_M: f32 = 6e-3;
+const MAX_FROM_TEETH_M: f32 = 6e-3;
 /// A lip is hidden if something lies in front of most of its landmarks by more than this, metres on
 /// a human head.
 const BEFORE_M: f32 = 6e-3;
@@ -67,13 +67,13 @@ impl MouthReach {
                 100.0 * self.parted.max(0.0)
             ));
         }
-        if self.apart_m > MOST_APART_M {
+        if self.apart_m > MAX_APART_M {
             sentences.push(format!(
                 "the lips stay {:.0} mm apart where they should meet: p, b and m look like a mouth that is a little open",
                 mm(self.apart_m)
             ));
         }
-        if self.from_teeth_m > MOST_FROM_TEETH_M {
+        if self.from_teeth_m > MAX_FROM_TEETH_M {
             let goal = if self.has_teeth {
                 "the upper teeth"
             } else {

@@ -20,7 +20,7 @@ use crate::{
         check_closures, check_fps,
     },
     nn::finite::check_result,
-    speech::{Heard, HeardEmotion, NeutralVoice},
+    speech::{HeardEmotion, NeutralVoice, SpeechFeatures},
     spread::{Movement, on_face},
     systems::{Ability, Sampled, check_abilities},
 };
@@ -54,7 +54,7 @@ pub struct Performance {
     pub life: Life,
     /// The motion as the system made it, before any control is applied.
     pub(super) sampled: Sampled,
-    pub(super) heard: Arc<Heard>,
+    pub(super) heard: Arc<SpeechFeatures>,
     /// The request. If it asks for the emotion of the voice, that emotion is filled in.
     pub(super) request: MotionRequest,
 }
@@ -219,7 +219,7 @@ impl Engine {
     /// Fills in the emotion of the voice if the request asks for it. If the request names an
     /// emotion, a system that hears emotion shows the named one, unless the request has another
     /// recording to hear the emotion in.
-    fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
+    fn resolved(&self, request: &MotionRequest, heard: &SpeechFeatures) -> MotionRequest {
         let emotion = match &request.emotion {
             EmotionCurve::Auto => heard.emotion_curve(),
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
@@ -242,7 +242,7 @@ impl Engine {
     fn finished(
         &self,
         sampled: Sampled,
-        heard: Arc<Heard>,
+        heard: Arc<SpeechFeatures>,
         request: MotionRequest,
     ) -> Result<Performance> {
         let (motion, life) =
@@ -267,7 +267,7 @@ impl Engine {
     fn life(
         &self,
         motion: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         emotion: &EmotionCurve,
     ) -> Life {
@@ -279,7 +279,12 @@ impl Engine {
 
     /// The motion of the tongue, `[T, 4]`, 0 to 1: what was heard, scaled by the controls of the
     /// tongue and of articulation.
-    fn tongue(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Array2<f32> {
+    fn tongue(
+        &self,
+        motion: &Motion,
+        heard: &SpeechFeatures,
+        request: &MotionRequest,
+    ) -> Array2<f32> {
         let (frames, fps) = (motion.frames(), motion.fps());
         let articulates = self.knows(ARTICULATION);
         let at = |t: usize| {
@@ -301,7 +306,7 @@ impl Engine {
     fn head_and_eyes(
         &self,
         motion: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         emotion: &EmotionCurve,
     ) -> Life {
@@ -348,7 +353,7 @@ impl Engine {
     pub(super) fn controlled(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<(Motion, Life)> {

@@ -35,7 +35,7 @@ const BLINKS: &str = "blinks_per_minute";
 /// The largest position of the articulation slider.
 const MOST: f32 = 2.0;
 /// The largest position of the emotion slider.
-const MOST_EMOTION: f32 = 1.5;
+const MAX_EMOTION: f32 = 1.5;
 /// Further knots of the articulation slider for a tongue that speaks. Articulation also opens the
 /// jaw, so the tongue answers with the square of articulation, until it meets teeth.
 const BETWEEN_TONGUE: [f32; 3] = [0.5, 1.2, 1.5];
@@ -110,7 +110,7 @@ impl Performance {
                 vec![0.0, up_to(value(ARTICULATION), MOST, MAX_CONTROL)]
             }
             Slider::Emotion if emotion.strongest() > 0.0 => {
-                let most = up_to(emotion.strongest(), MOST_EMOTION, MAX_INTENSITY);
+                let most = up_to(emotion.strongest(), MAX_EMOTION, MAX_INTENSITY);
                 vec![0.0, MIDDLE_EMOTION, most]
             }
             Slider::Blinks if !speech_only && value(BLINKS) > 0.0 => vec![0.0],

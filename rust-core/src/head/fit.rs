@@ -34,9 +34,9 @@ const TOGETHER: usize = 100;
 const FACE_M: f32 = 0.035;
 const LEAST_POINTS: usize = 300;
 /// Above this mean distance a scan is refused.
-const MOST_MM: f32 = 3.0;
+const MAX_MM: f32 = 3.0;
 /// Coefficients more than this many times further from the mean than usual do not describe a head.
-const MOST_SPREAD: f32 = 2.0;
+const MAX_SPREAD: f32 = 2.0;
 /// Usual size of the turns, moves and growth that are left after the landmarks are aligned (standard
 /// deviation): radians, metres, share.
 const PLACE: [f32; 7] = [0.05, 0.05, 0.05, 0.02, 0.02, 0.02, 0.03];
@@ -105,17 +105,17 @@ impl ScanFit {
         distances.sort_by(f32::total_cmp);
         let mean_mm = distances.iter().sum::<f32>() / distances.len() as f32;
         let most_mm = distances[distances.len() * 9 / 10];
-        if mean_mm > MOST_MM {
+        if mean_mm > MAX_MM {
             return Err(wrong(format!(
-                "expected a face within {MOST_MM} mm of a head that was learned, got {mean_mm:.1} mm on average and \
+                "expected a face within {MAX_MM} mm of a head that was learned, got {mean_mm:.1} mm on average and \
                  {most_mm:.1} mm at one point of ten"
             )));
         }
         let spread = rms(&coefficients);
-        if spread > MOST_SPREAD {
+        if spread > MAX_SPREAD {
             return Err(wrong(format!(
                 "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes \
-                 near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
+                 near to, to {mean_mm:.1} mm (at most {MAX_SPREAD} times)"
             )));
         }
         Ok(ScanFit {

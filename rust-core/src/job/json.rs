@@ -5,13 +5,13 @@
 
 /// The most memory that the values of one text may take, bytes. A description of a scene with fifty
 /// thousand nodes takes a quarter of it.
-const MOST_MEMORY: usize = 512 << 20;
+const MAX_MEMORY: usize = 512 << 20;
 /// Memory of an object: a node of a map, which has room for eleven values, and the value itself.
 const OBJECT: usize = 768;
 /// Memory of any other value, and of a name. Lists have room for twice their values.
 const VALUE: usize = 96;
 
-/// Checks that the values of a text would take no more memory than [`MOST_MEMORY`].
+/// Checks that the values of a text would take no more memory than [`MAX_MEMORY`].
 ///
 /// Counts brackets, commas and colons outside of strings. The text need not be valid JSON.
 ///
@@ -19,10 +19,10 @@ const VALUE: usize = 96;
 /// A message that says how much memory was expected and how much the text would take.
 pub(crate) fn check_json(text: &[u8]) -> Result<(), String> {
     let memory = memory_of(text);
-    if memory <= MOST_MEMORY {
+    if memory <= MAX_MEMORY {
         return Ok(());
     }
-    let [most, got] = [MOST_MEMORY, memory].map(|bytes| bytes >> 20);
+    let [most, got] = [MAX_MEMORY, memory].map(|bytes| bytes >> 20);
     Err(format!(
         "expected values that take at most {most} MiB of memory, got {got} MiB in {} bytes; divide the file, or check that it is the right one",
         text.len()

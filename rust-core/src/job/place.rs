@@ -6,7 +6,7 @@ use std::{
 };
 
 /// More links in a row than this are taken for a circle.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// Identifies the file that a path names.
 ///
@@ -80,7 +80,7 @@ fn existing(path: &Path) -> Option<Place> {
 /// The target of a link, even if nothing is there yet. Any other path stays as it is.
 pub(super) fn follow(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         match fs::read_link(&path) {
             Ok(target) => path = folder_of(&path).join(target),
             Err(_) => break,

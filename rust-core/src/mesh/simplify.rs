@@ -18,7 +18,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The most passes.
-const MOST_PASSES: usize = 200;
+const MAX_PASSES: usize = 200;
 /// When a corner moves, the cosine between the old and the new normal of a face stays above this.
 const LEAST_COSINE: f64 = 0.2;
 /// How much a rim resists leaving its line.
@@ -65,7 +65,7 @@ pub fn simplify(
     options: &SimplifyOptions,
 ) -> Simplified {
     let mut work = Work::new(positions, triangles, edge_lengths, locked);
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let excess = work.used.saturating_sub(options.vertices);
         let is_far = work.used > FAR * options.vertices;
         let share = if is_far { FAR_SHARE } else { NEAR_SHARE };

@@ -32,7 +32,7 @@ pub use weights::Weights;
 const PLAIN: &str = "model.safetensors";
 const PACKED: &str = "model.planes.gz";
 /// The most bytes of weights that a packed file may hold.
-const MOST_BYTES: u64 = 2 << 30;
+const MAX_BYTES: u64 = 2 << 30;
 /// A packed file may hold this many bytes of weights, and in addition [`INFLATED`] times its size.
 const ANY_WEIGHTS: u64 = 16 << 20;
 /// The shipped weights take at least a fifth of their bytes. Zeros alone would take a thousandth.
@@ -338,7 +338,7 @@ fn read_weights(folder: &Path) -> Result<Vec<u8>> {
 /// training/nn/checkpoint.py is the inverse.
 fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
     let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
-    let most = (packed.len() as u64 * INFLATED + ANY_WEIGHTS).min(MOST_BYTES);
+    let most = (packed.len() as u64 * INFLATED + ANY_WEIGHTS).min(MAX_BYTES);
     GzDecoder::new(packed)
         .take(most + 1)
         .read_to_end(&mut planes)?;

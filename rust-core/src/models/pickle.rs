@@ -23,9 +23,9 @@ use crate::job::Input;
 /// The most bytes of a pickle. In the golden `hubert_tiny.bin`, a tensor takes 112 bytes and 31
 /// instructions.
 const LARGEST_PICKLE: u64 = 16 << 20;
-const MOST_INSTRUCTIONS: usize = 2_000_000;
+const MAX_INSTRUCTIONS: usize = 2_000_000;
 /// The most bytes that candle may copy. A tensor takes three thousand.
-const MOST_COPIES: usize = 256 << 20;
+const MAX_COPIES: usize = 256 << 20;
 /// The deepest nesting of values. A tensor in a dictionary takes six.
 const DEEPEST: usize = 32;
 /// The most bytes of a name.
@@ -210,7 +210,7 @@ fn check(pickle: &[u8]) -> Result<(), String> {
         memo: HashMap::new(),
         copies: 0,
     };
-    for _ in 0..MOST_INSTRUCTIONS {
+    for _ in 0..MAX_INSTRUCTIONS {
         let at = pickle.len() - scan.rest.len();
         let step = scan.step();
         if step.map_err(|error| format!("data.pkl, byte {at}: {error}"))? {
@@ -218,7 +218,7 @@ fn check(pickle: &[u8]) -> Result<(), String> {
         }
     }
     Err(format!(
-        "data.pkl: expected at most {MOST_INSTRUCTIONS} instructions, got more"
+        "data.pkl: expected at most {MAX_INSTRUCTIONS} instructions, got more"
     ))
 }
 
@@ -389,9 +389,9 @@ impl<'a> Scan<'a> {
 
     fn copy(&mut self, size: Size) -> Result<(), String> {
         self.copies = self.copies.saturating_add(size.bytes);
-        if self.copies > MOST_COPIES {
+        if self.copies > MAX_COPIES {
             Err(format!(
-                "expected at most {MOST_COPIES} bytes of values that are used again, got more"
+                "expected at most {MAX_COPIES} bytes of values that are used again, got more"
             ))
         } else {
             Ok(())

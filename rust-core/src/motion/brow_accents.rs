@@ -22,7 +22,7 @@ const OFFSET_S: f64 = 0.25;
 pub(super) const STRESSED: f32 = 0.6;
 /// Chance of a raise per standard deviation of prominence, and the greatest chance.
 const CHANCE: f64 = 0.3;
-const MOST_CHANCE: f64 = 0.75;
+const MAX_CHANCE: f64 = 0.75;
 /// The shortest time from the start of one raise to the next, seconds.
 const APART_S: f64 = 0.8;
 /// Weight of the modes at the least and the greatest prominence.
@@ -71,7 +71,7 @@ pub fn brow_accents(prosody: &Prosody, seed: u64) -> Vec<BrowAccent> {
         let free = accents
             .last()
             .is_none_or(|a| start_s >= a.start_s + APART_S);
-        let likely = (CHANCE * f64::from(prominence)).min(MOST_CHANCE);
+        let likely = (CHANCE * f64::from(prominence)).min(MAX_CHANCE);
         if prominence >= STRESSED && free && drawn < likely {
             let share = (f64::from(prominence - STRESSED) / 1.5).min(1.0);
             let weight = WEIGHT.0 + (WEIGHT.1 - WEIGHT.0) * share + spread;

@@ -34,7 +34,7 @@ const SINK_DEG: f64 = 0.8;
 const NOD_DEG: f64 = 0.85;
 /// What each standard deviation of prominence adds to a nod, degrees.
 const STRESS_DEG: f64 = 0.72;
-const MOST_NOD_DEG: f64 = 2.4;
+const MAX_NOD_DEG: f64 = 2.4;
 /// The head rises before a nod by this share of it.
 const PREPARE: f64 = 0.5;
 /// How long before the nod the head rises, seconds.
@@ -65,11 +65,11 @@ const FAR_SHARE: f64 = 0.8;
 /// How much a liveliness of 1 adds to drift and posture.
 const LIVELY_DRIFT: f64 = 0.8;
 /// The highest liveliness.
-const MOST_LIVELY: f64 = 1.2;
+const MAX_LIVELY: f64 = 1.2;
 /// The largest shares of a nod that turn about y and z.
 const SIDEWAYS: [f64; 2] = [0.6, 0.4];
 /// The largest rotation about x, y and z at strength 1, degrees. One clip in 20 reaches this far.
-const MOST_DEG: [f64; 3] = [3.0, 2.6, 1.5];
+const MAX_DEG: [f64; 3] = [3.0, 2.6, 1.5];
 /// How much a liveliness of 1 adds to the largest rotation, degrees.
 const LIVELY_MOST_DEG: [f64; 3] = [9.0, 5.0, 3.0];
 /// How far the head rises with the breath before a phrase, degrees.
@@ -120,7 +120,7 @@ impl HeadMotion {
     /// The rotation vector at `time_s` in radians, canonical axes. `breath` scales the rise before
     /// a phrase. `drift_s` is the time of the drift, which runs at the pace of the moods.
     pub(super) fn at(&self, time_s: f64, drift_s: f64, breath: f64, mood: &Mood) -> [f64; 3] {
-        let lively = (self.liveliness + mood.liveliness).clamp(0.0, MOST_LIVELY);
+        let lively = (self.liveliness + mood.liveliness).clamp(0.0, MAX_LIVELY);
         let size = mood.size * (1.0 + LIVELY_DRIFT * lively);
         let activity = self.phrases.activity(time_s);
         let calm = DRIFT_AT_REST + (1.0 - DRIFT_AT_REST) * activity;
@@ -137,7 +137,7 @@ impl HeadMotion {
             (0..3).for_each(|i| turn[i] += share * nod.size[i] + far * nod.far[i]);
         }
         turn = std::array::from_fn(|i| {
-            let most = mood.size.max(1.0) * MOST_DEG[i] + lively * LIVELY_MOST_DEG[i];
+            let most = mood.size.max(1.0) * MAX_DEG[i] + lively * LIVELY_MOST_DEG[i];
             most * (turn[i] / most).tanh()
         });
         turn[0] += mood.down_deg;
@@ -192,7 +192,7 @@ fn nods(prosody: &Prosody, chance: &mut Chance) -> Vec<Nod> {
         let sideways = SIDEWAYS.map(|most| chance.between(-most, most));
         let (pick, more_deg) = (chance.unit(), chance.between(-0.4, 0.4));
         let prominence = f64::from(prominence);
-        let size = (vary * (NOD_DEG + STRESS_DEG * prominence.max(-0.5))).min(MOST_NOD_DEG);
+        let size = (vary * (NOD_DEG + STRESS_DEG * prominence.max(-0.5))).min(MAX_NOD_DEG);
         let time_s = Prosody::time_s(frame) + LATE_S + late_s;
         let is_far = prominence >= STRONG && time_s >= free_s && pick < FAR_SHARE;
         let far = if is_far {
@@ -295,7 +295,7 @@ mod tests {
     fn no_rotation_leaves_what_a_clip_shows() {
         for seed in 0..5 {
             for turn in track(seed, 60) {
-                for (x, most) in turn.iter().zip(MOST_DEG) {
+                for (x, most) in turn.iter().zip(MAX_DEG) {
                     assert!(x.abs() < most);
                 }
             }

@@ -22,7 +22,7 @@ const SYMMETRY: f64 = 5e-3;
 const GAP: f32 = 3.0;
 /// The descent stops once no weight changes by more than this in a sweep.
 const ARRIVED: f64 = 1e-5;
-const MOST_SWEEPS: usize = 200;
+const MAX_SWEEPS: usize = 200;
 const MM: f32 = 1e3;
 /// The coordinates of the landmarks, and one gap for each inner pair of lip landmarks.
 const ROWS: usize = 3 * LANDMARKS + INNER_LIPS.len();
@@ -64,7 +64,7 @@ impl ShapeFit {
             .map(|shape| f64::from(dot(shape, measured.view())))
             .collect();
         let before = self.last.clone();
-        for _ in 0..MOST_SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             let mut moved: f64 = 0.0;
             for s in 0..right.len() {
                 let square = self.gram[[s, s]];

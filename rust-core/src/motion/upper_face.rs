@@ -7,7 +7,7 @@ use crate::Result;
 use crate::mesh::ibug::{EYES, Eye, SIDES, upper_face};
 
 /// The share of motion that an extreme `asymmetry` adds to one side and takes from the other.
-const MOST_LOPSIDED: f32 = 0.5;
+const MAX_LOPSIDED: f32 = 0.5;
 /// The share of the upper lid's motion that the lower lid makes when the eyes look down, as in the
 /// tracked face of grid_s1.
 const LOWER_LID_SHARE: f32 = 0.12;
@@ -79,7 +79,7 @@ pub(super) fn scale(moved: &mut Array3<f32>, modes: &FaceModes, factor: f32) -> 
 pub(super) fn lean(moved: &mut Array3<f32>, asymmetry: f32) {
     for mut frame in moved.outer_iter_mut() {
         for (right, left, share) in SIDES {
-            let more = MOST_LOPSIDED * asymmetry * share;
+            let more = MAX_LOPSIDED * asymmetry * share;
             frame.row_mut(right).map_inplace(|x| *x *= 1.0 - more);
             frame.row_mut(left).map_inplace(|x| *x *= 1.0 + more);
         }

@@ -13,7 +13,7 @@ use super::{
     cache::write_positions,
     glb::write_glb,
     mdd,
-    moved::{MOST_IN_MEMORY, Moved, SOLVED},
+    moved::{MAX_IN_MEMORY, Moved, SOLVED},
     npz::Archive,
     pc2,
     rows::Rows,
@@ -121,7 +121,7 @@ impl ClipFile {
     /// How many frames are in memory at once while a scene of `frames` frames is written.
     pub fn frames_in_memory(frames: usize) -> usize {
         // The shapes of a short take are computed from all frames, with two copies of them.
-        3 * if frames > MOST_IN_MEMORY {
+        3 * if frames > MAX_IN_MEMORY {
             SOLVED
         } else {
             frames

@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// The most frames that wait in memory: ten minutes at 25 per second.
-pub(super) const MOST_IN_MEMORY: usize = 15_000;
+pub(super) const MAX_IN_MEMORY: usize = 15_000;
 /// Frames of a long clip whose weights are solved together: at most so many, and as many as fill so
 /// many bytes, but not fewer than the least.
 pub(super) const SOLVED: usize = 6_000;
@@ -47,7 +47,7 @@ impl Moved {
     /// # Errors
     /// `Io` if they cannot.
     pub(super) fn begin(path: &Path, start: &ClipStart<'_>) -> Result<Moved> {
-        let place = if start.frames <= MOST_IN_MEMORY {
+        let place = if start.frames <= MAX_IN_MEMORY {
             Place::Memory(Vec::new())
         } else {
             Place::File(Rows::beside(path)?)
@@ -163,7 +163,7 @@ mod tests {
             positions: vec![[0.0; 3]; 2],
             ..Mesh::default()
         };
-        let frames = MOST_IN_MEMORY + 7;
+        let frames = MAX_IN_MEMORY + 7;
         let start = ClipStart {
             mesh: &mesh,
             landmarks: canonical_landmarks(),

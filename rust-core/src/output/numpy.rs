@@ -27,7 +27,7 @@ const ANY_ARRAY: u64 = 64 << 20;
 /// which deflate to a thousandth, would fill any memory.
 const INFLATED: u64 = 64;
 /// Most bytes of texts. Each becomes a string of its own, which takes ten times its bytes.
-const MOST_TEXT: u64 = 16 << 20;
+const MAX_TEXT: u64 = 16 << 20;
 /// Bytes that are converted at a time, a multiple of every size of a number.
 const CHUNK: usize = 1 << 16;
 
@@ -255,8 +255,8 @@ impl<'a> Stored<'a> {
         let letters = letters.and_then(|letters| letters.parse::<usize>().ok());
         let size = 4 * letters.ok_or_else(expected)?;
         let length = self.header.count.saturating_mul(size);
-        if length as u64 > MOST_TEXT {
-            let most = MOST_TEXT >> 20;
+        if length as u64 > MAX_TEXT {
+            let most = MAX_TEXT >> 20;
             let message = format!("expected at most {most} MiB of text, got {length} bytes");
             return Err(refusal(&message));
         }

@@ -29,7 +29,7 @@
 //! Neither chance nor the number of threads changes the result. In step 3 this holds for each of
 //! the two descents, but the first one determines which shapes rest in the second.
 //!
-//! What can go wrong: after [`MOST_SWEEPS`] the descent returns the weights it has, still within
+//! What can go wrong: after [`MAX_SWEEPS`] the descent returns the weights it has, still within
 //! the bounds. A shape that hardly moves anything would cause a division by nearly 0, so its weight
 //! stays 0. If motion is not finite or too large for single precision, the error names its frame.
 //! The residual comes from `|x|² − 2 w Dᵀ x + w Dᵀ D w` alone. If the fit is nearly exact, this is
@@ -53,7 +53,7 @@ const STILL_SHARE: f64 = 1e-7;
 /// The descent ends when no weight changes by this much in a sweep over all frames.
 const ARRIVED: f64 = 1e-6;
 /// The most sweeps of a descent.
-const MOST_SWEEPS: usize = 3000;
+const MAX_SWEEPS: usize = 3000;
 /// `ω`: each step goes this multiple of the way to the best value of its weight. Over-relaxation
 /// saves a fifth of the sweeps and converges for every `0 < ω < 2` (Cryer 1971).
 const RELAXATION: f64 = 1.2;
@@ -435,7 +435,7 @@ impl Problem {
         // A frame is skipped while neither it nor its neighbours change. The last sweep visits all.
         let mut changes = vec![f64::INFINITY; frames];
         let mut all = true;
-        for sweep in 0..MOST_SWEEPS {
+        for sweep in 0..MAX_SWEEPS {
             let mut change = 0.0f64;
             for step in 0..frames {
                 let t = if sweep % 2 == 0 {

@@ -16,7 +16,7 @@ const REACH: f32 = 0.65;
 /// About how many cells lie along the longest side of the coarsest grid.
 const COARSEST: usize = 16;
 /// The most bytes that making a surface may take.
-const MOST_BYTES: usize = 1 << 30;
+const MAX_BYTES: usize = 1 << 30;
 /// Points in one call of the field.
 const BLOCK: usize = 1024;
 
@@ -31,7 +31,7 @@ const BLOCK: usize = 1024;
 /// `InvalidInput` for a field that is not finite, for a grid that contains no surface, and for a
 /// surface that needs more than 1 GiB; this message gives the numbers.
 pub fn surface(grid: Grid, field: impl Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync) -> Result<Mesh> {
-    meshed(grid, field, REACH, MOST_BYTES)
+    meshed(grid, field, REACH, MAX_BYTES)
 }
 
 type Corner = [usize; 3];
@@ -333,7 +333,7 @@ mod tests {
             evaluated.fetch_add(points.nrows(), Ordering::Relaxed);
             sphere(points)
         };
-        let every = meshed(grid(40), sphere, 1e6, MOST_BYTES).unwrap();
+        let every = meshed(grid(40), sphere, 1e6, MAX_BYTES).unwrap();
         let few = surface(grid(40), count).unwrap();
         assert!(evaluated.into_inner() < 41usize.pow(3) / 2);
         let sorted = |mesh: &Mesh| {
@@ -386,7 +386,7 @@ mod tests {
                 .map(|p| at([corner(p[0]), corner(p[1]), corner(p[2])]))
                 .collect()
         };
-        assert_closed(&meshed(grid, noise, 1e6, MOST_BYTES).unwrap());
+        assert_closed(&meshed(grid, noise, 1e6, MAX_BYTES).unwrap());
         let inside = |x: usize, y: usize, z: usize| values[(z * 17 + y) * 17 + x] < 0.0;
         let mut cases = [false; 256];
         for n in 0..14usize.pow(3) {

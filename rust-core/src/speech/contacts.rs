@@ -1,6 +1,6 @@
 //! When the lips touch and which shapes the mouth takes, judged by the phones.
 
-use super::{Heard, LipClosures, LipShapes};
+use super::{LipClosures, LipShapes, SpeechFeatures};
 
 /// Smallest probability whose log-odds count.
 const LEAST: f32 = 1e-5;
@@ -21,9 +21,9 @@ pub struct LipContacts {
     pub shapes: LipShapes,
 }
 
-impl Heard {
+impl SpeechFeatures {
     /// When the lips touch. `intervals`: `[start_s, end_s]` of closed lips, which replace those of
-    /// the sound. Without phones ([`Heard::phone_rows`]) only these close the lips.
+    /// the sound. Without phones ([`SpeechFeatures::phone_rows`]) only these close the lips.
     pub fn contacts(&self, intervals: Option<&[[f64; 2]]>) -> LipContacts {
         let rate_hz = self.track.rate_hz;
         let heard = self.phone_rows();

@@ -13,7 +13,7 @@ mod emotion_encoder;
 mod emotion_listener;
 mod encoder;
 mod encoder_config;
-mod heard;
+mod features;
 mod letters;
 mod lip_shapes;
 mod log_mel;
@@ -48,7 +48,7 @@ pub use emotion_encoder::{
 };
 pub use emotion_listener::EmotionListener;
 pub use encoder::{EAR_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, TRUNK_MODEL, frames_of};
-pub use heard::Heard;
+pub use features::SpeechFeatures;
 pub use lip_shapes::{LIP_SHAPES, LipShape, LipShapes};
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};

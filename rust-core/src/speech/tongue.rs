@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView2, Axis};
 
 use super::{
-    Heard, PhoneModel,
+    PhoneModel, SpeechFeatures,
     travel::{sure, travel},
 };
 
@@ -45,7 +45,7 @@ const TRAVEL_S: f64 = 0.08;
 /// Rows of posteriors on either side of a row that are averaged with it: 30 ms in all.
 const NEAR_ROWS: usize = 1;
 
-impl Heard {
+impl SpeechFeatures {
     /// The tongue's motion for the phones of the sound, `[T, 4]`, each a share of the way from rest
     /// to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to the palate,
     /// tip to the edge of the upper teeth. All zeros if there is no phone model for the encoder's

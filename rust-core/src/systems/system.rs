@@ -12,7 +12,7 @@ use crate::{
     motion::{
         EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionRequest, MotionStream, TemplateMask,
     },
-    speech::{Heard, SpeechInput},
+    speech::{SpeechFeatures, SpeechInput},
 };
 
 /// What is known of a system before it is loaded.
@@ -107,7 +107,7 @@ impl Registration {
 pub struct Description<'a> {
     /// The speech features that its models were trained with. `None` if any will do.
     pub speech: Option<&'a SpeechInput>,
-    /// Whether [`Heard::voice`] has to keep the sound because the system has an encoder of its own.
+    /// Whether [`SpeechFeatures::voice`] has to keep the sound because the system has an encoder of its own.
     pub keeps_sound: bool,
     /// Whether a change of emotion needs a new [`System::sample`], or [`System::apply_controls`]
     /// adds it.
@@ -161,7 +161,7 @@ pub trait System: Send + Sync {
     /// `InvalidInput` for an unknown style, `Cancelled`.
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled>;
@@ -174,7 +174,7 @@ pub trait System: Send + Sync {
     fn apply_controls(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {

@@ -14,7 +14,7 @@ use crate::{head::engine, voice::babble};
 /// 5th and 95th percentiles of the deviation of pitch over the clips of grid_s1, degrees.
 const TRACKED_PITCH_DEG: (f32, f32) = (0.40, 1.13);
 /// How far a nod on a strong stress may go, degrees.
-const MOST_DEG: f32 = 8.0;
+const MAX_DEG: f32 = 8.0;
 
 fn spoken(engine: &Engine, controls: &PerformanceControls, seed: u64) -> Performance {
     let waveform = Waveform {
@@ -175,7 +175,7 @@ fn heads_of_real_speech_move_as_the_tracked_one_and_never_farther() {
         let life = engine.perform(&waveform, &request, SILENT).unwrap().life;
         let pitch = life.head.column(0).mapv(f32::to_degrees);
         deviations.push(pitch.std(0.0));
-        assert!(life.head.iter().all(|x| x.to_degrees().abs() < MOST_DEG));
+        assert!(life.head.iter().all(|x| x.to_degrees().abs() < MAX_DEG));
         assert!(life.gaze.iter().all(|x| x.to_degrees().abs() < 25.0));
     }
     deviations.sort_by(f32::total_cmp);

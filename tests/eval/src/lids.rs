@@ -69,7 +69,7 @@ const BEFORE_M: f32 = 3e-4;
 /// Side of a cell of the view, metres.
 const CELL_M: f32 = 2e-4;
 /// Triangles that grow beyond this many times their area are counted.
-const MOST_GROWTH: f32 = 4.0;
+const MAX_GROWTH: f32 = 4.0;
 /// The shares by which an artist's blink shuts the eyes in the three frames of a row.
 const CLOSED: [f32; 3] = [0.0, 0.5, 1.0];
 /// Triangles with no more than this share of the mean area are slivers.
@@ -252,7 +252,7 @@ impl NearEyes {
                 changed
                     .0
                     .extend((dot(now, self.rest[k]) < 0.0).then_some(*t));
-                changed.1 += usize::from(length(now) > MOST_GROWTH * length(self.rest[k]));
+                changed.1 += usize::from(length(now) > MAX_GROWTH * length(self.rest[k]));
             }
         }
         changed

@@ -52,10 +52,10 @@ pub(super) struct Turned {
 /// Seed of the rotations.
 const SEED: u64 = 36;
 /// A face within this angle of the true one is right, degrees.
-const MOST_TURNED_DEG: f64 = 20.0;
+const MAX_TURNED_DEG: f64 = 20.0;
 /// A face is wrong if the middle of its mouth lies farther than this from the true one, in widths
 /// of the true mouth.
-const MOST_ASIDE: f32 = 0.5;
+const MAX_ASIDE: f32 = 0.5;
 
 /// Results of one head, by the numbers of the rotations.
 #[derive(Serialize)]
@@ -131,7 +131,7 @@ impl Turned {
                 Err(other) => return Err(other),
                 Ok(landmarks) => {
                     let (turned_deg, aside) = apart(&truth, &landmarks, &turn)?;
-                    if turned_deg > MOST_TURNED_DEG || aside > MOST_ASIDE {
+                    if turned_deg > MAX_TURNED_DEG || aside > MAX_ASIDE {
                         row.wrong.push(Wrong {
                             rotation,
                             turned_deg,
@@ -266,6 +266,6 @@ mod tests {
         let mut landmarks = canonical();
         landmarks.positions = landmarks.positions.map(|p| roll.apply(p));
         let (degrees, aside) = apart(&canonical(), &landmarks, &Similarity::IDENTITY).unwrap();
-        assert!(degrees > 179.0 && aside > MOST_ASIDE, "{degrees} {aside}");
+        assert!(degrees > 179.0 && aside > MAX_ASIDE, "{degrees} {aside}");
     }
 }

@@ -16,7 +16,7 @@ lengths the model did not learn rare poses at all.
 """
 GAPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
-MOST_PAIRS = 200
+MAX_PAIRS = 200
 ABOUT_M = 0.02
 FAR_SHARE = 0.15
 STILL_M = 0.02
@@ -88,7 +88,7 @@ class ExpressionLoss:
         turned = vertex_normals(posed, heads.triangles)
         rows = torch.randint(0, len(heads.places), (points,), generator=random)
         places = heads.places[rows]
-        pairs = [p[torch.randint(0, len(p), (MOST_PAIRS,), generator=random)] for p in (self.lips, self.lids)]
+        pairs = [p[torch.randint(0, len(p), (MAX_PAIRS,), generator=random)] for p in (self.lips, self.lids)]
         ends = torch.cat(pairs).T.flatten()
         with torch.no_grad():
             z = head.identity_code(pool.coefficients[chosen].to(device))
@@ -127,7 +127,7 @@ class ExpressionLoss:
         )
         mm = 1e3 * scale
         rest = (weights == 0.0).all(1).to(device)
-        lips, lids = (upper - lower).norm(dim=-1).split(MOST_PAIRS, 1)
+        lips, lids = (upper - lower).norm(dim=-1).split(MAX_PAIRS, 1)
         report = {
             "forward mm": mm * length[:, :points].mean().item(),
             "lips and lids mm": mm * length[:, points:].mean().item(),

@@ -38,7 +38,7 @@ AROUND = (-6, -4, -2, -1, 0, 1, 2, 4, 6)
 """Frames around each frame whose log-mels the ruler reads."""
 RIDGE = 10.0
 RESAMPLES = 2000
-MOST_CLIPS = 60
+MAX_CLIPS = 60
 HEAD = """# Speakers whom training left out
 
 How well FreeTalk follows a speaker whom neither the ear nor the denoiser has met: each row is a training of
@@ -162,7 +162,7 @@ def measure(stranger: Stranger, run: Path, body: Path, clips: list[EarClip]) -> 
     heard = load_ear(body)
     model = full_model(run)
     chosen = [c for c in clips if stranger.has(c)]
-    chosen = chosen[:: max(len(chosen) // MOST_CLIPS, 1)][:MOST_CLIPS]
+    chosen = chosen[:: max(len(chosen) // MAX_CLIPS, 1)][:MAX_CLIPS]
     rest = [c for c in clips if not stranger.has(c) and not c.held_out]
     motions = [model(heard(c.heard[:1])[0]) for c in chosen]
     report: dict = {"clips": len(chosen), "frames": sum(len(c.motion) for c in chosen)}

@@ -57,7 +57,7 @@ pub(super) use find::eyelids;
 /// From this share of closing on, the opening is exactly what the landmarks require.
 const EXACT_FROM: f32 = 0.5;
 /// Lids that the decoder does not move open wider by at most this share.
-const MOST_WIDE: f32 = 0.4;
+const MAX_WIDE: f32 = 0.4;
 /// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
 const OVERLAP_CM: f32 = 0.03;
 /// Shut, the upper lid lies this far in front of the lower one. At equal depth, the two edges would
@@ -292,7 +292,7 @@ impl Eyelids {
 
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
         let (closed, hold) = if self.alone {
-            (closed.max(-MOST_WIDE), 1.0)
+            (closed.max(-MAX_WIDE), 1.0)
         } else {
             (closed, ease(closed / EXACT_FROM))
         };

@@ -16,7 +16,7 @@ const RADIUS_RANGE: (f32, f32) = (0.7, 2.0);
 /// Points within this share of the first fit's radius belong to the inside of the eye.
 const INSIDE: f32 = 0.93;
 /// The cornea bulges by at most this, as a share of the radius.
-const MOST_BULGE: f32 = 0.25;
+const MAX_BULGE: f32 = 0.25;
 /// The eye turns and its cornea turns with it. So the bulge stays full up to the first angle beyond
 /// the edge of the cornea, and is gone at the second.
 const TURN_DEG: (f32, f32) = (6.0, 22.0);
@@ -47,7 +47,7 @@ impl Eyeball {
         let beside = |turn: f32| (widest.clamp(-1.0, 1.0).acos() + turn.to_radians()).cos();
         Eyeball {
             radius,
-            bulge: bulge.min(MOST_BULGE * radius),
+            bulge: bulge.min(MAX_BULGE * radius),
             edge: (beside(TURN_DEG.0), beside(TURN_DEG.1)),
         }
     }

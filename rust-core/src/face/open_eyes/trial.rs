@@ -18,9 +18,9 @@ const WAY_M: f32 = 0.0079;
 /// The upper lid's share of this distance.
 const UPPER_SHARE: f32 = 0.9;
 /// Largest visible area of the ball of a shut eye, as a share of the visible area of the open ball.
-const MOST_IN_SIGHT: f64 = 0.05;
+const MAX_IN_SIGHT: f64 = 0.05;
 /// Largest visible area of skin that turned inside out, as a share of the same area.
-const MOST_TURNED: f64 = 0.02;
+const MAX_TURNED: f64 = 0.02;
 
 /// Kinds of the cells of a picture.
 const SKIN: u8 = 1;
@@ -102,9 +102,9 @@ impl EyeTrial {
     /// `Mesh`, which says what is wrong and what to do.
     pub(crate) fn check(&self) -> Result<()> {
         let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-        let got = if self.in_sight > MOST_IN_SIGHT {
+        let got = if self.in_sight > MAX_IN_SIGHT {
             format!("{} of an eye in sight", percent(self.in_sight))
-        } else if self.turned > MOST_TURNED {
+        } else if self.turned > MAX_TURNED {
             format!(
                 "skin turned over, {} of an eye in size",
                 percent(self.turned)

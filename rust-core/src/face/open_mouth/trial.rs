@@ -135,9 +135,9 @@ impl MouthTrial {
 
     /// Lips have to part by at least this share of the landmarks' gap.
     const LEAST_PARTED: f64 = 0.8;
-    const MOST_ASYMMETRY: f64 = 0.1;
+    const MAX_ASYMMETRY: f64 = 0.1;
     /// A rim that bends by more than this shows a spike. Good mouths bend by up to 27 degrees.
-    const MOST_BEND_DEG: f64 = 35.0;
+    const MAX_BEND_DEG: f64 = 35.0;
 
     /// # Errors
     /// `Mesh` with the problem and advice on how to solve it.
@@ -151,9 +151,9 @@ impl MouthTrial {
         let bend = bend_deg[0].max(bend_deg[1]);
         let problem = if parted < Self::LEAST_PARTED {
             format!("rims that part by {parted:.2} of what the landmarks do")
-        } else if asymmetry > Self::MOST_ASYMMETRY {
+        } else if asymmetry > Self::MAX_ASYMMETRY {
             format!("halves whose heights differ by {asymmetry:.2} of the gap")
-        } else if bend > Self::MOST_BEND_DEG {
+        } else if bend > Self::MAX_BEND_DEG {
             format!("a rim that bends by {bend:.0} degrees")
         } else {
             return Ok(());

@@ -16,7 +16,7 @@ const LONGEST: f64 = 0.04;
 /// How much longer an edge may be for each width between it and the cut.
 const GROWTH: f64 = 0.5;
 /// Rounds of halving. They bring an edge of ten widths down to the longest one at the cut.
-const MOST_ROUNDS: usize = 8;
+const MAX_ROUNDS: usize = 8;
 
 /// The positions of both ends, as bits, the smaller first.
 type Edge = [[u32; 3]; 2];
@@ -45,7 +45,7 @@ impl FineMesh {
     pub fn refined(mut self, triangles: &[u32], place: impl Fn(DVec3) -> (DVec3, f64)) -> FineMesh {
         let fine = &mut self;
         let mut near: HashSet<u32> = triangles.iter().copied().collect();
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let edges = fine.long_edges(&near, &place);
             if edges.is_empty() {
                 break;

@@ -23,7 +23,7 @@ use crate::{
 };
 
 /// The most steps along the proxy in search of the closest triangle.
-const MOST_STEPS: usize = 16;
+const MAX_STEPS: usize = 16;
 /// A triangle that faces away counts as this much further off, so that a fold of the lips does not
 /// attach to its other side.
 const FOLD_CM: f64 = 0.1;
@@ -233,7 +233,7 @@ impl<'a> Coarse<'a> {
     fn closest(&self, point: DVec3, normal: DVec3, root: u32) -> Option<(usize, [f64; 3])> {
         let mut best: Option<(f64, usize, [f64; 3])> = None;
         let mut at = root;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let mut improved = false;
             for &f in self.rings.faces(at) {
                 let corners = self.triangles[f as usize].map(|v| self.positions[v as usize]);

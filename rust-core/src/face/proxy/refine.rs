@@ -18,9 +18,9 @@ const AT_VERTEX_CM: f64 = 0.01;
 /// A landmark with less weight than this on a corner counts as lying on the opposite side.
 const ON_SIDE: f64 = 0.02;
 /// Where up to this many landmarks lie in one triangle, the search still finds all pieces of it.
-const MOST_CUTS: usize = 3;
+const MAX_CUTS: usize = 3;
 /// The most rounds of splitting.
-const MOST_ROUNDS: usize = 8;
+const MAX_ROUNDS: usize = 8;
 
 /// A surface that is being refined. Vertices of the mesh come first.
 pub(super) struct Refined {
@@ -79,7 +79,7 @@ impl Refined {
     /// another landmark may already have cut the triangle.
     fn place(&self, point: DVec3, vertex: u32) -> Option<(usize, [f64; 3])> {
         let mut near = vec![vertex];
-        for _ in 0..MOST_CUTS {
+        for _ in 0..MAX_CUTS {
             let around = self.near.iter().map(|&f| self.triangles[f]);
             let mut added: Vec<u32> = around
                 .filter(|t| meets(t, &near))
@@ -155,7 +155,7 @@ impl Refined {
     /// in use. `least`: sides shorter than this are never split.
     pub(super) fn split_long(&mut self, least: f64, longest: impl Fn(DVec3) -> f64, most: usize) {
         let mut used = Rings::of(self.positions.len(), &self.triangles).used();
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let mut long: Vec<(f64, (u32, u32))> = Vec::new();
             for t in &self.triangles {
                 for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {

@@ -24,7 +24,7 @@ const SLACK: f32 = 1e-4;
 
 /// The most pixels that one picture tests, enough for five hundred surfaces behind each other. The
 /// remaining triangles are not drawn.
-pub(super) const MOST_PLACES: u64 = 1 << 25;
+pub(super) const MAX_PLACES: u64 = 1 << 25;
 
 /// The square part of the view plane that a picture shows: `centre ± half_size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,7 @@ impl DepthBuffer {
         let points: Vec<[f32; 3]> = points.iter().map(|p| pixel(*p)).collect();
         let between: Vec<u32> = points.iter().map(|p| between_middles(*p)).collect();
         for t in triangles {
-            if buffer.places > MOST_PLACES {
+            if buffer.places > MAX_PLACES {
                 break;
             }
             if !misses_middles(t.map(|v| between[v as usize])) {

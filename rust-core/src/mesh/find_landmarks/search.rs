@@ -14,7 +14,7 @@ use super::{
     network::LandmarkNetwork,
     pose_network::{PoseNetwork, Sighting},
     symmetry::{Plane, symmetry},
-    view::{Frame, HALF_SIZE_M, MOST_PLACES, middle, on_face, turned},
+    view::{Frame, HALF_SIZE_M, MAX_PLACES, middle, on_face, turned},
 };
 use crate::{
     Error, Result,
@@ -56,7 +56,7 @@ const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
 /// The search of a mesh without a face takes about this many looks. Progress is a share of them.
-const MOST_LOOKS: f32 = 1300.0;
+const MAX_LOOKS: f32 = 1300.0;
 const STAGE: &str = "landmarks";
 
 /// Counts the looks at a mesh and asks the caller before each look whether to continue.
@@ -87,7 +87,7 @@ impl<'a> Looks<'a> {
     }
 
     fn are_too_many(&self) -> bool {
-        self.places.load(Ordering::Relaxed) >= MOST_PLACES
+        self.places.load(Ordering::Relaxed) >= MAX_PLACES
     }
 
     /// # Errors
@@ -97,7 +97,7 @@ impl<'a> Looks<'a> {
         if self.are_too_many() {
             return Err(Error::FaceNotFound(format!(
                 "the mesh has so many large triangles over each other that pictures of it take too long (expected \
-                 {MOST_PLACES} pixels of triangles at most, got more). Remove the triangles that lie over each other, \
+                 {MAX_PLACES} pixels of triangles at most, got more). Remove the triangles that lie over each other, \
                  or give all 68 landmarks"
             )));
         }
@@ -105,7 +105,7 @@ impl<'a> Looks<'a> {
     }
 
     fn fraction(&self) -> f32 {
-        (self.count.load(Ordering::Relaxed) as f32 / MOST_LOOKS).min(0.99)
+        (self.count.load(Ordering::Relaxed) as f32 / MAX_LOOKS).min(0.99)
     }
 }
 

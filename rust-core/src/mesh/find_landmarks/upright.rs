@@ -27,14 +27,14 @@ const ROUNDS: usize = 10;
 /// While a plane is fitted, a point that misses the surface by this counts half, metres.
 const ROBUST_M: f64 = 0.004;
 /// The most that a single point adds to the mean miss of a plane, metres.
-const MOST_MISS_M: f64 = 0.011;
+const MAX_MISS_M: f64 = 0.011;
 /// A plane within this angle of the plane between the eyes counts as the face's own.
 const OWN_DEG: f64 = 25.0;
 /// A plane beyond this angle counts as another plane.
 const OTHER_DEG: f64 = 35.0;
 /// A plane whose normal tilts forward by more than this, as a sine, separates front and back
 /// instead of left and right.
-const MOST_FORWARD: f64 = 0.5;
+const MAX_FORWARD: f64 = 0.5;
 /// The face is turned if its own plane misses by more than this share of another plane's miss.
 const SHARE: f64 = 0.8;
 
@@ -52,7 +52,7 @@ pub(super) fn turned_away(frame: &Frame<'_>, to_canonical: &Similarity) -> Optio
     let across = |plane: &Plane| plane.normal.x.abs();
     let between_eyes = best(&|plane| across(plane) > OWN_DEG.to_radians().cos());
     let (other, plane) = best(&|plane| {
-        across(plane) < OTHER_DEG.to_radians().cos() && plane.normal.z.abs() < MOST_FORWARD
+        across(plane) < OTHER_DEG.to_radians().cos() && plane.normal.z.abs() < MAX_FORWARD
     })?;
     let between_eyes = between_eyes.map_or(f64::INFINITY, |mirror| mirror.0);
     (between_eyes > SHARE * other).then_some(plane)
@@ -116,7 +116,7 @@ fn mirrors(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Vec<Mirror>> 
         let plane = (0..ROUNDS).fold(start, |p, _| better(&p, &points, nearest, ROBUST_M));
         let misses = points
             .iter()
-            .map(|p| nearest(plane.reflect(*p)).1.sqrt().min(MOST_MISS_M));
+            .map(|p| nearest(plane.reflect(*p)).1.sqrt().min(MAX_MISS_M));
         (misses.sum::<f64>() / points.len() as f64, plane)
     };
     Some((0..ANGLES).into_par_iter().map(fitted).collect())

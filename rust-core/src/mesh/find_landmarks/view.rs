@@ -21,11 +21,11 @@ use crate::{
 
 /// Larger meshes are thinned to at most this many triangles. That is enough for pictures of 256²
 /// pixels, and the found landmarks are put on the whole mesh.
-const MOST_TRIANGLES: usize = 800_000;
+const MAX_TRIANGLES: usize = 800_000;
 
 /// The most pixels that all pictures of a search together test. Heads take 5 to 18 million. A cat,
 /// on which the longest search finds no face, takes 34 million.
-pub(super) const MOST_PLACES: u64 = 1 << 28;
+pub(super) const MAX_PLACES: u64 = 1 << 28;
 
 /// A mesh turned so that it faces +z with +y up, if the caller stated its axes correctly. Its
 /// bounding box is centred, and the box's longest side is one.
@@ -63,8 +63,8 @@ impl Frame<'_> {
     pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
         let sharp = DepthBuffer::draw(points, &self.triangles, window);
         // A picture that was cut short uses up the whole budget, so that the search ends.
-        let places = if sharp.places > depth_view::MOST_PLACES {
-            MOST_PLACES
+        let places = if sharp.places > depth_view::MAX_PLACES {
+            MAX_PLACES
         } else {
             sharp.places
         };
@@ -116,7 +116,7 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
     };
     let mut points: Vec<_> = mesh.positions.iter().map(|p| from_mesh.apply(*p)).collect();
     let mut triangles = Cow::Borrowed(&mesh.triangles[..]);
-    while triangles.len() > MOST_TRIANGLES {
+    while triangles.len() > MAX_TRIANGLES {
         let fewer = thinned(&mut points, &triangles);
         if fewer.len() == triangles.len() {
             break;
@@ -264,7 +264,7 @@ mod tests {
                 .collect(),
         };
         let frame = stated_frame(&mesh, Axis::PosZ, Axis::PosY).unwrap();
-        assert!((200_000..MOST_TRIANGLES).contains(&frame.triangles.len()));
+        assert!((200_000..MAX_TRIANGLES).contains(&frame.triangles.len()));
         assert!(frame.points.len() < mesh.positions.len() / 2 + SIDE as usize);
         let window = Window {
             centre: [0.0; 2],

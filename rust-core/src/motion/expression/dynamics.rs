@@ -37,7 +37,7 @@ const SINK_S: (f64, f64) = (0.7, 1.2);
 const RISE_S: (f64, f64) = (0.4, 0.7);
 /// How much a stressed syllable adds per standard deviation of prominence, and at most.
 const ACCENT: f32 = 0.08;
-const MOST_ACCENT: f32 = 0.14;
+const MAX_ACCENT: f32 = 0.14;
 /// Brows; lids; nose; jaw and mouth.
 const REGIONS: usize = 4;
 
@@ -214,7 +214,7 @@ pub(super) fn accents(prosody: &Prosody) -> Vec<BrowAccent> {
     stressed
         .map(|(frame, prominence)| BrowAccent {
             start_s: (Prosody::time_s(frame) - LEAD_S - ONSET_S).max(0.0),
-            weight: (ACCENT * prominence).min(MOST_ACCENT),
+            weight: (ACCENT * prominence).min(MAX_ACCENT),
         })
         .collect()
 }

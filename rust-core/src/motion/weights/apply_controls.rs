@@ -39,7 +39,7 @@ const ROUND: [&str; 2] = ["mouthFunnel", "mouthPucker"];
 const UPPER: [&str; 4] = ["brow", "eye", "cheekSquint", "noseSneer"];
 /// Stems of the shapes that `asymmetry` makes stronger on one side.
 const LOPSIDED: [&str; 4] = ["brow", "mouthSmile", "mouthFrown", "mouthDimple"];
-const MOST_LOPSIDED: f32 = 0.5;
+const MAX_LOPSIDED: f32 = 0.5;
 /// Largest weight of a performance: emotions go up to 1.5 of an expression.
 const MOST: f32 = 1.5;
 /// The shapes that raise the brows in a brow accent.
@@ -168,7 +168,7 @@ impl WeightClip {
                 name.ends_with(side) && starts(name, &LOPSIDED)
             });
             scale(&mut self.weights, &side_columns, |_| {
-                1.0 + sign * MOST_LOPSIDED * asymmetry
+                1.0 + sign * MAX_LOPSIDED * asymmetry
             });
         }
     }

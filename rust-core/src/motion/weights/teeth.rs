@@ -16,7 +16,7 @@ const SLACK_M: f32 = 3e-3;
 /// The shape that tucks the lip in.
 const TUCKS: &str = "mouthRollLower";
 /// The largest weight of that shape here, unless it was larger before.
-const MOST_TUCKED: f32 = 0.6;
+const MAX_TUCKED: f32 = 0.6;
 /// Shapes that move the lip away by no more than this at weight 1 keep their weights, metres.
 const STILL_M: f32 = 0.5e-3;
 
@@ -83,7 +83,7 @@ impl LowerLip {
         };
         let give_way = (0..weights.len()).filter(keeps_away);
         let mut moving: Vec<(usize, f32)> = give_way.map(|s| (s, weights[s])).collect();
-        moving.extend(self.tucks.map(|s| (s, weights[s].max(MOST_TUCKED))));
+        moving.extend(self.tucks.map(|s| (s, weights[s].max(MAX_TUCKED))));
         reach(weights, &aims, &self.corners, &moving);
     }
 }

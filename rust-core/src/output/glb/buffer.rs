@@ -9,7 +9,7 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const UNSIGNED_SHORT: u32 = 5123;
 /// Most vertices that 16 bits can number. The format reserves the last number.
-const MOST_SHORT: usize = 0xFFFF;
+const MAX_SHORT: usize = 0xFFFF;
 // Targets of views, which tell graphics cards what a view holds.
 const OF_VERTICES: u32 = 34962;
 const OF_CORNERS: u32 = 34963;
@@ -73,7 +73,7 @@ impl Buffer {
         count: usize,
         target: Option<u32>,
     ) -> (usize, u32) {
-        if count <= MOST_SHORT {
+        if count <= MAX_SHORT {
             let short = values.map(|v| (v as u16).to_le_bytes());
             (self.view(short, target), UNSIGNED_SHORT)
         } else {
@@ -163,7 +163,7 @@ impl Buffer {
     /// Adds an accessor of displacements of `count` vertices. `moved`: the vertices that move, in the
     /// order of their numbers. Stores only these or all vertices, whichever takes fewer bytes.
     pub fn displacements(&mut self, count: usize, moved: &[(u32, [f32; 3])]) -> usize {
-        let number_bytes = if count <= MOST_SHORT { 2 } else { 4 };
+        let number_bytes = if count <= MAX_SHORT { 2 } else { 4 };
         if (12 + number_bytes) * moved.len() > 12 * count {
             let mut all = vec![[0.0; 3]; count];
             moved.iter().for_each(|(v, d)| all[*v as usize] = *d);

@@ -14,7 +14,7 @@ use crate::speech::{
 const LOUD: f32 = 1.0;
 const LOUD_QUANTILE: f64 = 0.95;
 /// Decades by which a quiet sound is raised at most. Near-silence stays silent.
-const MOST_RAISED: f32 = 3.0;
+const MAX_RAISED: f32 = 3.0;
 /// Bands below this many decades of power, after the sound has its level, are raised to it.
 const QUIETEST: f32 = -6.5;
 
@@ -30,6 +30,6 @@ pub(super) fn ear_mel(samples: &[f32]) -> Array2<f32> {
     let loudest: Vec<f32> = rows
         .map(|row| loudest(row.to_slice().expect("a row is contiguous")))
         .collect();
-    let raise = (LOUD - quantile(&loudest, LOUD_QUANTILE)).min(MOST_RAISED);
+    let raise = (LOUD - quantile(&loudest, LOUD_QUANTILE)).min(MAX_RAISED);
     mel.mapv_into(|x| on_scale((x + raise).max(QUIETEST)))
 }

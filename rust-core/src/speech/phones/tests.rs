@@ -2,7 +2,7 @@ use std::{collections::HashMap, sync::Arc};
 
 use safetensors::{SafeTensors, tensor::TensorView};
 
-use super::{super::Heard, *};
+use super::{super::SpeechFeatures, *};
 use crate::{audio::Waveform, job::SILENT, speech::SpeechEncoder};
 
 fn floats(view: &TensorView<'_>) -> Vec<f32> {
@@ -65,7 +65,7 @@ fn the_path_through_a_text_matches_the_training_code() {
 }
 
 /// A second of noise that grows and fades, encoded by the built-in encoder.
-fn heard() -> Heard {
+fn heard() -> SpeechFeatures {
     let encoder: Arc<dyn SpeechEncoder> = Arc::new(crate::speech::ear(None).unwrap());
     let mut state = 1u32;
     let samples = (0..16_000).map(|i| {
@@ -73,7 +73,7 @@ fn heard() -> Heard {
         let loud = (i as f32 / 16_000.0 * 9.0).sin().max(0.0);
         loud * ((state >> 8) as f32 / (1 << 24) as f32 - 0.5)
     });
-    Heard::of(
+    SpeechFeatures::of(
         &Waveform {
             samples: samples.collect(),
         },

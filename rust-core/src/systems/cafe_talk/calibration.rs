@@ -13,7 +13,7 @@ const UNHEARD: f32 = 0.02;
 /// Frames with less than this share of the largest change do not limit the gain.
 const LEAST_SHARE: f32 = 0.1;
 /// Largest factor by which a shape's change grows.
-const MOST_GAIN: f32 = 6.0;
+const MAX_GAIN: f32 = 6.0;
 
 /// Scales the difference that events make in `weights` `[T, S]` compared with `plain`, the same
 /// speech without them. The largest weight of each shape under an event then equals the strength in
@@ -46,7 +46,7 @@ fn reach_strength(
     }
     let tells = run.clone().filter(|&t| change(t) > LEAST_SHARE * most);
     let gains = tells.map(|t| (target - plain[t]) / change(t));
-    let gain = gains.fold(MOST_GAIN, f32::min).max(0.0);
+    let gain = gains.fold(MAX_GAIN, f32::min).max(0.0);
     for t in run {
         weights[t] = (plain[t] + gain * (weights[t] - plain[t])).max(0.0);
     }

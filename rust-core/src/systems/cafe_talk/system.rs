@@ -17,7 +17,7 @@ use crate::{
         Expressions, FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, MouthLengths,
         PerformanceControls, WeightClip, WeightCues, control_named, style_number,
     },
-    speech::Heard,
+    speech::SpeechFeatures,
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
@@ -197,7 +197,7 @@ impl System for CafeTalk {
 
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
@@ -246,7 +246,7 @@ impl System for CafeTalk {
     fn apply_controls(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {

@@ -27,7 +27,7 @@ use crate::{
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
         PERFORMANCE_CONTROLS, Template, TemplateMask, WidthGain, style_number,
     },
-    speech::{CausalModel, EAR_MODEL, EmotionEar, Heard},
+    speech::{CausalModel, EAR_MODEL, EmotionEar, SpeechFeatures},
     spread::TemplateOnFace,
     systems::{
         Ability, Description, EmotionControls, EmotionMask, Registration, Sampled, Slider, System,
@@ -263,7 +263,7 @@ impl EmoFace {
     /// The features of the emotion branch, `[T, E]`, and the level, `[T]`, in each frame.
     fn emotion(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         frames: usize,
         progress: ProgressFn<'_>,
@@ -328,7 +328,7 @@ impl System for EmoFace {
 
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
@@ -394,7 +394,7 @@ impl System for EmoFace {
     fn apply_controls(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {

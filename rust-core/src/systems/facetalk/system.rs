@@ -21,7 +21,7 @@ use crate::{
         self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
         Motion, MotionKind, MotionRequest, PERFORMANCE_CONTROLS,
     },
-    speech::{Heard, frames_of},
+    speech::{SpeechFeatures, frames_of},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
@@ -250,7 +250,7 @@ impl System for FaceTalk {
 
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
@@ -306,7 +306,7 @@ impl System for FaceTalk {
     fn apply_controls(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {

@@ -25,7 +25,7 @@ use crate::{
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
         PERFORMANCE_CONTROLS, WidthGain,
     },
-    speech::{CausalModel, Heard},
+    speech::{CausalModel, SpeechFeatures},
     systems::{Description, Registration, Sampled, Slider, System},
 };
 
@@ -128,7 +128,7 @@ impl System for FreeTalk {
 
     fn sample(
         &self,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
@@ -169,7 +169,7 @@ impl System for FreeTalk {
     fn apply_controls(
         &self,
         sampled: &Motion,
-        heard: &Heard,
+        heard: &SpeechFeatures,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {

@@ -106,7 +106,7 @@ const LEAST_MOVED: f32 = 0.6;
 /// The mouth is painted within this distance of the inner lips' landmarks, in widths of the mouth.
 const PAINTED_WIDTHS: f32 = 0.06;
 /// A creature talks only if at most this share of the moving triangles is torn or turned over.
-const MOST_TORN: f32 = 0.01;
+const MAX_TORN: f32 = 0.01;
 
 /// One creature.
 #[derive(Serialize)]
@@ -234,7 +234,7 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
         grown,
         turned,
         limits: reach.iter().flat_map(|reach| reach.sentences()).collect(),
-        talks: moves >= LEAST_MOVED && ((grown + turned) as f32) <= MOST_TORN * moving as f32,
+        talks: moves >= LEAST_MOVED && ((grown + turned) as f32) <= MAX_TORN * moving as f32,
     };
     if let Some(album) = album {
         let frames = [

@@ -6,7 +6,7 @@ use ndarray::{Array3, ArrayView2};
 use crate::vertex_motion::{distance, dot, normal, pose};
 
 /// Triangles that grow beyond this many times their area count as torn.
-const MOST_GROWTH: f32 = 4.0;
+const MAX_GROWTH: f32 = 4.0;
 /// Triangles that turn by more than 100 degrees have turned over. This is the cosine.
 const TURNED_OVER: f32 = -0.17;
 /// A triangle counts as moving if a corner moves at least this far, canonical metres.
@@ -99,7 +99,7 @@ pub(super) fn torn(face: &Face, frame: ArrayView2<'_, f32>) -> [usize; 3] {
         let (before, now) = (normal(before), normal(now));
         let (a, b) = (dot(before, before).sqrt(), dot(now, now).sqrt());
         counts[0] += 1;
-        counts[1] += usize::from(b > MOST_GROWTH * a);
+        counts[1] += usize::from(b > MAX_GROWTH * a);
         counts[2] += usize::from(dot(before, now) < TURNED_OVER * a * b);
     }
     counts

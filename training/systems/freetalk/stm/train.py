@@ -60,7 +60,7 @@ COARSE = Counts(60, 40, (1600, 3600))
 """Numbers and sizes of meshes for the paper's decoder. They are coarse because the cost of a step grows in
 proportion to the vertices.
 """
-MOST_VERTICES = 2200
+MAX_VERTICES = 2200
 SHAPES = 1500
 """Number of neutral faces of each kind that show the model which faces are familiar."""
 
@@ -171,7 +171,7 @@ def train_on_data(args) -> None:
             learn_shapes(model, faces, args.data, args.seed)
         else:
             config = PAPER[args.config or "compact"]
-            coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MOST_VERTICES] for f in faces}
+            coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MAX_VERTICES] for f in faces}
             prepared = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
             steps, log = args.steps or PAPER_STEPS, {"log_every": args.log_every}
             model = train_paper(config, speech, steps, args.seed, prepared, out, *how(args), **log)

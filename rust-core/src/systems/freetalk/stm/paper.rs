@@ -43,7 +43,7 @@ use crate::{
 /// The most bytes that the features of frames decoded at once may take.
 const BATCH_BYTES: usize = 64 << 20;
 /// The most frames that are decoded at once.
-const MOST_FRAMES: usize = 8;
+const MAX_FRAMES: usize = 8;
 /// Size of a displacement vector of all landmarks.
 const MOTION: usize = 3 * LANDMARKS;
 /// Input channels of a vertex: position and normal.
@@ -249,10 +249,10 @@ impl PaperDecoder {
     }
 
     /// How many frames are decoded at once on a mesh of `vertices` vertices: at least one and at
-    /// most `MOST_FRAMES`. The features of several frames fill at most `BATCH_BYTES`.
+    /// most `MAX_FRAMES`. The features of several frames fill at most `BATCH_BYTES`.
     pub fn frames_at_once(&self, vertices: usize) -> usize {
         let bytes = size_of::<f32>() * self.config.width * vertices.max(1);
-        (BATCH_BYTES / bytes).clamp(1, MOST_FRAMES)
+        (BATCH_BYTES / bytes).clamp(1, MAX_FRAMES)
     }
 
     /// Runs the graph network, the index encoding and the attention's projections, eqs. 12 and 13.
@@ -419,7 +419,7 @@ mod tests {
         let frame = 4 * decoder.config().width;
         assert_eq!(decoder.frames_at_once(3 * BATCH_BYTES / frame), 1);
         assert_eq!(decoder.frames_at_once(BATCH_BYTES / frame / 3), 3);
-        assert_eq!(decoder.frames_at_once(1), MOST_FRAMES);
+        assert_eq!(decoder.frames_at_once(1), MAX_FRAMES);
     }
 
     #[test]

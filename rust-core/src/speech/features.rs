@@ -22,16 +22,16 @@ const ENCODED: f32 = 0.7;
 ///
 /// ```
 /// use std::sync::Arc;
-/// use anyface::{audio::Waveform, speech::{self, Heard, SpeechEncoder}};
+/// use anyface::{audio::Waveform, speech::{self, SpeechFeatures, SpeechEncoder}};
 ///
 /// let encoder: Arc<dyn SpeechEncoder> = Arc::new(speech::ear(None)?);
 /// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };
-/// let heard = Heard::of(&sound, &encoder, anyface::job::SILENT)?;
+/// let heard = SpeechFeatures::of(&sound, &encoder, anyface::job::SILENT)?;
 /// assert_eq!(heard.features(30.0).dim(), (heard.frames(30.0), encoder.channels()));
 /// # Ok::<(), anyface::Error>(())
 /// ```
 #[derive(Clone)]
-pub struct Heard {
+pub struct SpeechFeatures {
     /// Speech features at the encoder's own rate.
     pub track: FeatureTrack,
     /// Loudness, pitch, effort, syllables and pauses.
@@ -53,7 +53,7 @@ pub struct Heard {
     pub(super) encoder: Arc<dyn SpeechEncoder>,
 }
 
-impl Heard {
+impl SpeechFeatures {
     /// Analyses a sound.
     ///
     /// # Errors
@@ -62,14 +62,14 @@ impl Heard {
         waveform: &Waveform,
         encoder: &Arc<dyn SpeechEncoder>,
         progress: ProgressFn<'_>,
-    ) -> Result<Heard> {
+    ) -> Result<SpeechFeatures> {
         let share = |from: f32, to: f32| {
             move |p: Progress| {
                 let fraction = from + (to - from) * p.fraction;
                 progress(Progress { fraction, ..p })
             }
         };
-        Ok(Heard {
+        Ok(SpeechFeatures {
             track: encoder.encode(waveform, &share(0.0, ENCODED))?,
             prosody: Prosody::of(waveform),
             voice: VoiceTrack::hear(waveform, &share(ENCODED, 1.0))?,
@@ -125,7 +125,7 @@ impl Heard {
         self.heard_emotion = OnceLock::from(emotion);
     }
 
-    /// The emotion of [`Heard::heard_emotion`], if it is known already.
+    /// The emotion of [`SpeechFeatures::heard_emotion`], if it is known already.
     pub(crate) fn heard_before(&self) -> Option<&HeardEmotion> {
         self.heard_emotion.get()
     }
