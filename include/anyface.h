@@ -658,7 +658,7 @@ void anyface_sounds_free(AnyfaceSounds *sounds);
 /// is an object: `name`, by which "system" of a request selects it, `label` and `help`;
 /// `abilities` ("events", "words", "emotion", "first_pose", "head"); `sliders`; `fields`, each with
 /// `name`, `label`, `help` and `kind` ("number", "text", "emotion", "intervals", "events", "sound",
-/// "pose"); `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
+/// "pose"), numbers also with `low`, `high`, `default` and `is_whole`; `controls`, each with `name`, `label`, `help`, `unit`, `values` ("real", "whole",
 /// "choice"), `choices`, `stage` ("face", "motion"), `low`, `high`, `default`, `neutral` and
 /// `animatable`; `emotions` in the order of their strengths; `units` with `name` and `label`, and
 /// `words`, both for events.
