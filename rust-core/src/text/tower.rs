@@ -18,7 +18,7 @@ const ASKED: usize = 3;
 
 /// How the tower reads a clause.
 #[derive(Debug, Clone)]
-enum SpeechFeatures {
+enum Reading {
     /// The mean of its words and the mean of its denied words, both weighted by a learned score.
     /// The number is the weight of the origin in both means.
     Words(Linear, f32),
@@ -29,7 +29,7 @@ enum SpeechFeatures {
 /// Turns clauses into logits.
 #[derive(Debug, Clone)]
 pub(super) struct Tower {
-    heard: SpeechFeatures,
+    reading: Reading,
     down: Linear,
     up: Linear,
     head: Linear,
@@ -47,12 +47,7 @@ impl Tower {
         no_word: f32,
     ) -> Result<Self> {
         let score = Linear::load(&weights.pp("score"), width, 1)?;
-        Tower::load(
-            weights,
-            SpeechFeatures::Words(score, no_word),
-            2 * width,
-            hidden,
-        )
+        Tower::load(weights, Reading::Words(score, no_word), 2 * width, hidden)
     }
 
     /// Reads CLIP's features.
@@ -61,12 +56,12 @@ impl Tower {
     /// As [`Tower::on_words`].
     pub(super) fn on_clip(weights: &Weights, clip: ClipText, hidden: usize) -> Result<Self> {
         let width = clip.width();
-        Tower::load(weights, SpeechFeatures::Clip(Box::new(clip)), width, hidden)
+        Tower::load(weights, Reading::Clip(Box::new(clip)), width, hidden)
     }
 
-    fn load(weights: &Weights, heard: SpeechFeatures, width: usize, hidden: usize) -> Result<Self> {
+    fn load(weights: &Weights, reading: Reading, width: usize, hidden: usize) -> Result<Self> {
         Ok(Tower {
-            heard,
+            reading,
             down: Linear::load(&weights.pp("down"), width, hidden)?,
             up: Linear::load(&weights.pp("up"), hidden, width)?,
             head: Linear::load(&weights.pp("head"), width, ASKED * LEARNED_UNITS)?,
@@ -75,13 +70,13 @@ impl Tower {
 
     /// Logits `[3, 16]`: whether each unit shows, whether on one side only, and its strength.
     pub(super) fn forward(&self, clause: &Clause, space: &Space) -> Array2<f32> {
-        let features: Array1<f32> = match &self.heard {
-            SpeechFeatures::Words(score, no_word) => {
+        let features: Array1<f32> = match &self.reading {
+            Reading::Words(score, no_word) => {
                 let said = mean(&clause.words, space, score, *no_word);
                 let denied = mean(&clause.denied, space, score, *no_word);
                 said.into_iter().chain(denied).collect()
             }
-            SpeechFeatures::Clip(clip) => clip.of(&clause.said),
+            Reading::Clip(clip) => clip.of(&clause.said),
         };
         let features = features.insert_axis(Axis(0));
         let hidden = self.down.forward(&features).mapv_into(|x| x.max(0.0));
