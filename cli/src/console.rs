@@ -112,7 +112,7 @@ impl Console {
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.
-    pub fn line(&self, text: &str) -> Result<bool> {
+    pub fn line(text: &str) -> Result<bool> {
         line(text)
     }
 

@@ -23,7 +23,7 @@ const OF_FILES: [&[u8]; 4] = [b"RIFF", b"OggS", b"fLaC", b"ID3"];
 
 /// What [`Input::next`] returns.
 #[derive(Debug)]
-pub enum SpeechFeatures {
+pub enum Arrival {
     /// Samples, mono, 16 kHz.
     Samples(Vec<f32>),
     /// Nothing yet.
@@ -77,45 +77,45 @@ impl Input {
     ///
     /// # Errors
     /// `Io` if standard input cannot be read, `Audio` if it holds a sound file instead of raw samples.
-    pub fn next(&mut self, patience: Duration) -> Result<SpeechFeatures> {
+    pub fn next(&mut self, patience: Duration) -> Result<Arrival> {
         match self {
             Input::File(samples, next, began) => {
                 let end = samples.len().min(*next + BLOCK);
                 if *next == end {
-                    return Ok(SpeechFeatures::End);
+                    return Ok(Arrival::End);
                 }
                 if let Some(began) = began {
                     let due = Duration::from_secs_f64(end as f64 / f64::from(SAMPLE_RATE_HZ));
                     let wait = due.saturating_sub(began.elapsed());
                     thread::sleep(wait.min(patience));
                     if wait > patience {
-                        return Ok(SpeechFeatures::Nothing);
+                        return Ok(Arrival::Nothing);
                     }
                 }
                 let block = samples[*next..end].to_vec();
                 *next = end;
-                Ok(SpeechFeatures::Samples(block))
+                Ok(Arrival::Samples(block))
             }
             Input::Pipe(receiver) => match receiver.recv_timeout(patience) {
-                Ok(samples) => samples.map(SpeechFeatures::Samples),
-                Err(RecvTimeoutError::Timeout) => Ok(SpeechFeatures::Nothing),
-                Err(RecvTimeoutError::Disconnected) => Ok(SpeechFeatures::End),
+                Ok(samples) => samples.map(Arrival::Samples),
+                Err(RecvTimeoutError::Timeout) => Ok(Arrival::Nothing),
+                Err(RecvTimeoutError::Disconnected) => Ok(Arrival::End),
             },
             Input::Microphone(microphone, was_lost) => {
                 let block = microphone.read(patience);
                 if block.is_lost != *was_lost && !block.samples.is_empty() {
                     *was_lost = block.is_lost;
                     let name = microphone.name();
-                    return Ok(SpeechFeatures::Change(if block.is_lost {
+                    return Ok(Arrival::Change(if block.is_lost {
                         format!("{name} is gone; the face rests until it is back")
                     } else {
                         format!("{name} is back")
                     }));
                 }
                 Ok(if block.samples.is_empty() {
-                    SpeechFeatures::Nothing
+                    Arrival::Nothing
                 } else {
-                    SpeechFeatures::Samples(block.samples)
+                    Arrival::Samples(block.samples)
                 })
             }
         }
@@ -208,10 +208,10 @@ mod tests {
         let (mut sizes, mut was_early) = (Vec::new(), false);
         loop {
             match input.next(Duration::from_millis(5)).unwrap() {
-                SpeechFeatures::Samples(samples) => sizes.push(samples.len()),
-                SpeechFeatures::Nothing => was_early = true,
-                SpeechFeatures::Change(text) => panic!("{text}"),
-                SpeechFeatures::End => break,
+                Arrival::Samples(samples) => sizes.push(samples.len()),
+                Arrival::Nothing => was_early = true,
+                Arrival::Change(text) => panic!("{text}"),
+                Arrival::End => break,
             }
         }
         assert_eq!(sizes, [BLOCK, BLOCK, 1]);

@@ -6,6 +6,7 @@ mod input;
 mod live_link;
 mod meter;
 mod osc;
+mod output;
 mod pace;
 mod sound_devices;
 mod sound_library;
@@ -35,7 +36,7 @@ use crate::{
     stages::{new_report, read_sound},
 };
 use frame::{Feelings, Frame};
-use input::{Input, SpeechFeatures};
+use input::{Arrival, Input};
 use meter::Meter;
 use pace::{Pace, Paced, Weights};
 use sound_devices::{DeviceArgs, print_devices};
@@ -135,7 +136,7 @@ impl Live {
             meter: Meter::new(shared.json),
             console,
         };
-        let result = show.run(input);
+        let result = show.run(input).and_then(|()| show.targets.finish());
         show.meter.clear();
         result
     }
@@ -190,20 +191,20 @@ impl Show<'_> {
                 continue;
             }
             match input.next(patience)? {
-                SpeechFeatures::Samples(samples) => {
+                Arrival::Samples(samples) => {
                     self.meter.hear(&samples);
                     if let Some(monitor) = &mut self.monitor {
                         monitor.push(&samples);
                     }
                     self.stream.push(&samples)?;
                 }
-                SpeechFeatures::Nothing => continue,
-                SpeechFeatures::Change(text) => {
+                Arrival::Nothing => continue,
+                Arrival::Change(text) => {
                     self.meter.clear();
                     self.console.note(&text);
                     continue;
                 }
-                SpeechFeatures::End => {
+                Arrival::End => {
                     self.stream.finish()?;
                     has_ended = true;
                 }

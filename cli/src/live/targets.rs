@@ -12,6 +12,7 @@ use super::{
     frame::Frame,
     live_link,
     osc::{self, VmcNames},
+    output::Output,
     udp::Datagrams,
     websocket::Broadcast,
 };
@@ -90,10 +91,11 @@ impl TargetArgs {
         }
         let broadcast = self.websocket.as_ref();
         let broadcast = broadcast.map(|address| Broadcast::new("--websocket", address));
+        let is_alone = datagrams.is_empty() && broadcast.is_none();
         Ok(Targets {
             datagrams,
             broadcast: broadcast.transpose()?,
-            is_on_output: is_json,
+            output: is_json.then(|| Output::new(is_alone)),
         })
     }
 }
@@ -102,8 +104,8 @@ impl TargetArgs {
 pub struct Targets {
     datagrams: Vec<Datagrams>,
     broadcast: Option<Broadcast>,
-    /// Whether lines of JSON go to standard output.
-    is_on_output: bool,
+    /// Lines of JSON on standard output.
+    output: Option<Output>,
 }
 
 impl Targets {
@@ -115,32 +117,40 @@ impl Targets {
         }
     }
 
-    /// Sends a frame to all targets.
+    /// Sends a frame to all targets. None of them waits for another.
     ///
     /// # Errors
-    /// `Io` if standard output cannot be written to.
+    /// Those of [`Output::send`].
     pub fn send(&mut self, frame: &Frame, console: &Console) -> Result<()> {
         for target in &mut self.datagrams {
             if let Some(problem) = target.send(frame) {
                 console.note(&problem);
             }
         }
-        if self.broadcast.is_some() || self.is_on_output {
+        if self.broadcast.is_some() || self.output.is_some() {
             let line = line(frame);
             if let Some(broadcast) = &mut self.broadcast {
                 broadcast.send(&line);
             }
-            if self.is_on_output {
-                // Stop once the reader of standard output has left.
-                self.is_on_output = console.line(&line)?;
+            if let Some(output) = &mut self.output {
+                output.send(&line, console)?;
             }
         }
         Ok(())
     }
 
+    /// Waits until the reader of standard output has all lines.
+    ///
+    /// # Errors
+    /// Those of [`Output::finish`].
+    pub fn finish(&mut self) -> Result<()> {
+        self.output.as_mut().map_or(Ok(()), Output::finish)
+    }
+
     /// Whether no target is left.
     pub fn are_gone(&self) -> bool {
-        self.datagrams.is_empty() && self.broadcast.is_none() && !self.is_on_output
+        let is_output_gone = self.output.as_ref().is_none_or(Output::is_gone);
+        self.datagrams.is_empty() && self.broadcast.is_none() && is_output_gone
     }
 }
 

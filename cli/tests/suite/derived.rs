@@ -201,6 +201,17 @@ fn a_sound_beside_a_scene_gives_way_and_says_so() {
 }
 
 #[test]
+fn an_animation_that_fails_leaves_no_sound() {
+    let folder = folder();
+    let flat = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    fs::write(folder.path().join("flat.obj"), flat).unwrap();
+    let line = "animate --mesh flat.obj --audio a.wav --out take.glb";
+    let output = run(folder.path(), line, "--no-cache");
+    assert!(!output.status.success());
+    assert!(!folder.path().join("take.wav").exists() && !folder.path().join("take.glb").exists());
+}
+
+#[test]
 fn a_second_batch_replaces_its_own_pages() {
     let folder = folder();
     for words in ["", "--again", "--sum"] {

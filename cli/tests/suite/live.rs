@@ -178,6 +178,49 @@ fn every_target_receives_the_same_face() {
 }
 
 #[test]
+fn a_reader_who_does_not_read_holds_no_other_target() {
+    const LONG_S: usize = 16;
+    let folder = folder_with_sound(&voice::intoned(LONG_S as f32, 16_000), 16_000);
+    let (plain, plain_at) = receiver();
+    let arguments = ["--input", "a.wav", "--fast", "--json", "--osc", &plain_at];
+    let mut child = start(folder.path(), &arguments);
+    let notes = child.stderr.take().unwrap();
+    let notes = std::thread::spawn(move || std::io::read_to_string(notes).unwrap());
+    let receiver = std::thread::spawn(move || {
+        plain
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .unwrap();
+        let mut bytes = vec![0; 65_536];
+        let arrivals = std::iter::from_fn(|| plain.recv(&mut bytes).ok());
+        arrivals.take(LONG_S * FPS / 2).count()
+    });
+    // Nobody reads standard output: 400 lines are more than a pipe and the queue before it hold.
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(receiver.join().unwrap(), LONG_S * FPS / 2);
+    let notes = notes.join().unwrap();
+    assert!(notes.contains("nobody reads it"), "{notes}");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_first_signal_ends_a_command_whose_lines_nobody_reads() {
+    let folder = folder_with_sound(&voice::intoned(16.0, 16_000), 16_000);
+    let mut child = start(folder.path(), &["--input", "a.wav", "--fast", "--json"]);
+    // Until the pipe and the queue before it are full.
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(child.try_wait().unwrap().is_none());
+    let pid = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert_eq!(child.wait().unwrap().code(), Some(9));
+}
+
+#[test]
 fn raw_samples_on_standard_input_are_the_same_face_as_a_file() {
     let samples: Vec<i16> = spoken().iter().map(|x| (x * 32_768.0) as i16).collect();
     let same: Vec<f32> = samples.iter().map(|x| f32::from(*x) / 32_768.0).collect();
