@@ -2,17 +2,22 @@
 
 use std::io::Write;
 
-use anyface::{Engine, Face, face::Lids, job::write_atomically, mesh::Mouth};
+use anyface::{
+    Engine, Face, Result,
+    face::{FaceOptions, Lids},
+    job::{ProgressFn, write_atomically},
+    mesh::{Mesh, Mouth},
+};
 use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,
-    error::AnyfaceError,
-    face_request::{ROLES, of_mesh},
+    error::{AnyfaceError, Failure},
+    face_request::ROLES,
     guard,
     mesh::AnyfaceMesh,
     pointer,
-    progress::AnyfaceProgress,
+    progress::{AnyfaceProgress, watched},
     request::AnyfaceRequest,
     status::AnyfaceStatus,
 };
@@ -23,6 +28,23 @@ use crate::{
 pub struct AnyfaceFace(pub(crate) Face);
 
 const _: () = guard::shared_by_threads::<AnyfaceFace>();
+
+/// Runs `make` on a caller's mesh and reports to the caller's progress handle.
+///
+/// # Safety
+/// Every pointer is NULL or valid.
+pub(crate) unsafe fn of_mesh<T>(
+    engine: *const AnyfaceEngine,
+    mesh: *const AnyfaceMesh,
+    request: *const AnyfaceRequest,
+    progress: *const AnyfaceProgress,
+    make: impl FnOnce(&Engine, &Mesh, &FaceOptions, ProgressFn<'_>) -> Result<T>,
+) -> std::result::Result<T, Failure> {
+    let engine = unsafe { pointer::handle("engine", engine) }?;
+    let mesh = unsafe { pointer::handle("mesh", mesh) }?;
+    let options = unsafe { AnyfaceRequest::face(request) }?;
+    unsafe { watched(progress, |watch| make(&engine.0, &mesh.0, &options, watch)) }
+}
 
 /// How the lips of a mesh meet.
 #[repr(C)]

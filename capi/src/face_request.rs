@@ -1,12 +1,11 @@
 //! What a request knows about a face, for `anyface_face_new()`.
 
 use anyface::{
-    Engine, Error, Result,
+    Error, Result,
     conditions::Controls,
     face::FaceOptions,
-    job::ProgressFn,
     mesh::{
-        Axis, FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        Axis, FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, ObjectNames,
         PartChoices, PartRole, PartSelector, ibug::LANDMARKS,
     },
     systems::{FieldValue, NamedValue},
@@ -14,13 +13,8 @@ use anyface::{
 use ndarray::ArrayView1;
 
 use crate::{
-    engine::AnyfaceEngine,
     error::Failure,
-    mesh::AnyfaceMesh,
-    options::{refuse, rows, whole},
-    pointer,
-    progress::{AnyfaceProgress, watched},
-    request::AnyfaceRequest,
+    numbers::{refuse, rows, whole},
 };
 
 /// What a connected part of the mesh is, and what it follows; for `anyface_face_new()` and
@@ -236,23 +230,6 @@ fn role(value: &NamedValue<'_>, number: f64) -> Result<PartRole> {
         Some((_, role)) => Ok(role),
         None => refuse(value, "a role, 0 to 6", number),
     }
-}
-
-/// Runs `make` on a caller's mesh and reports to the caller's progress handle.
-///
-/// # Safety
-/// Every pointer is NULL or valid.
-pub(crate) unsafe fn of_mesh<T>(
-    engine: *const AnyfaceEngine,
-    mesh: *const AnyfaceMesh,
-    request: *const AnyfaceRequest,
-    progress: *const AnyfaceProgress,
-    make: impl FnOnce(&Engine, &Mesh, &FaceOptions, ProgressFn<'_>) -> Result<T>,
-) -> std::result::Result<T, Failure> {
-    let engine = unsafe { pointer::handle("engine", engine) }?;
-    let mesh = unsafe { pointer::handle("mesh", mesh) }?;
-    let options = unsafe { AnyfaceRequest::face(request) }?;
-    unsafe { watched(progress, |watch| make(&engine.0, &mesh.0, &options, watch)) }
 }
 
 #[cfg(test)]

@@ -31,6 +31,7 @@ mod motion;
 mod motion_notes;
 mod motion_values;
 mod motion_weights;
+mod numbers;
 mod opened_face;
 mod options;
 mod progress;

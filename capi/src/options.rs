@@ -2,14 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyface::{
-    CachePolicy, EngineOptions, Result,
-    rig::ShapeSource,
-    systems::{FieldValue, NamedValue},
-};
-use ndarray::ArrayView2;
+use anyface::{CachePolicy, EngineOptions, Result, rig::ShapeSource, systems::NamedValue};
 
-use crate::face_request::FaceRequest;
+use crate::{face_request::FaceRequest, numbers::whole};
 
 /// What a request sets beside a performance.
 #[derive(Default)]
@@ -155,32 +150,6 @@ pub(crate) static OPTIONS: &[NamedOption] = &[
     },
 ];
 
-/// Rows of so many numbers, without times.
-pub(crate) fn rows<'a>(value: &NamedValue<'a>, columns: usize) -> Result<ArrayView2<'a, f64>> {
-    match &value.value {
-        FieldValue::Rows(None, rows) if rows.ncols() == columns => Ok(*rows),
-        _ => value.refuse(format_args!("rows of {columns} without times")),
-    }
-}
-
-/// A whole number of at least 0.
-pub(crate) fn whole(value: &NamedValue<'_>, number: f64) -> Result<u32> {
-    if number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number) {
-        Ok(number as u32)
-    } else {
-        refuse(value, "a whole number of at least 0", number)
-    }
-}
-
-/// The error of one number among those of a value.
-pub(crate) fn refuse<T>(value: &NamedValue<'_>, expected: &str, number: f64) -> Result<T> {
-    let value = NamedValue {
-        name: value.name,
-        value: FieldValue::Number(number),
-    };
-    value.refuse(expected)
-}
-
 fn flag(value: &NamedValue<'_>) -> Result<bool> {
     match value.number()? {
         0.0 => Ok(false),
@@ -192,7 +161,7 @@ fn flag(value: &NamedValue<'_>) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyface::systems::{FIELDS, SYSTEMS};
+    use anyface::systems::{FIELDS, FieldValue, SYSTEMS};
 
     fn with<'a>(name: &'a str, value: FieldValue<'a>) -> Result<Options> {
         let mut options = Options::default();

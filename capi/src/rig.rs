@@ -12,8 +12,8 @@ use anyface::{
 use libc::c_char;
 
 use crate::{
-    engine::AnyfaceEngine, error::AnyfaceError, face_request::of_mesh, guard, mesh::AnyfaceMesh,
-    pointer, progress::AnyfaceProgress, request::AnyfaceRequest, status::AnyfaceStatus,
+    engine::AnyfaceEngine, error::AnyfaceError, face::of_mesh, guard, mesh::AnyfaceMesh, pointer,
+    progress::AnyfaceProgress, request::AnyfaceRequest, status::AnyfaceStatus,
 };
 
 /// The 52 ARKit shapes and the 15 Oculus visemes of one mesh. It never changes once it is made: any

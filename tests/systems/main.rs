@@ -112,7 +112,10 @@ fn without_its_folder_and_its_lines_of_the_registry_the_rest_compiles() {
         let tree = Tree::copied("without");
         fs::remove_dir_all(tree.crates.join("rust-core/src/systems").join(&name)).unwrap();
         let feature = format!("#[cfg(feature = \"{}\")]\n", name.replace('_', "-"));
-        tree.edit(REGISTRY, &format!("{feature}pub mod {name};\n"), "");
+        let registry = fs::read_to_string(root().join(REGISTRY)).unwrap();
+        let ending = format!(" mod {name};");
+        let line = registry.lines().find(|line| line.ends_with(&ending));
+        tree.edit(REGISTRY, &format!("{feature}{}\n", line.unwrap()), "");
         let entry = format!("    {feature}    &{name}::REGISTRATION,\n");
         tree.edit(REGISTRY, &entry, "");
         tree.cargo(&["check", "--workspace"]);
@@ -127,8 +130,8 @@ fn a_toy_of_a_file_and_two_words_moves_a_mesh_through_the_command_and_c() {
     fs::write(tree.crates.join("rust-core/src/systems/toy.rs"), toy).unwrap();
     tree.edit(
         REGISTRY,
-        "pub mod freetalk;\n",
-        "pub mod freetalk;\npub mod toy;\n",
+        "pub(crate) mod freetalk;\n",
+        "pub(crate) mod freetalk;\npub(crate) mod toy;\n",
     );
     tree.edit(
         REGISTRY,

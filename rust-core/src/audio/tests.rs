@@ -51,7 +51,7 @@ fn fixture(name: &str) -> PathBuf {
 
 fn message(result: Result<Waveform>) -> String {
     match result {
-        Err(Error::Audio(message)) => message,
+        Err(Error::Audio(message) | Error::DamagedSound(message)) => message,
         other => panic!("expected an audio error, got {other:?}"),
     }
 }

@@ -22,7 +22,7 @@ pub use arrays::{Arrays, Values};
 
 use crate::{
     Error, Result,
-    job::{InputKind, Receipts, read_file, receipts},
+    job::{InputKind, Receipts, read_file, read_text, receipts},
 };
 
 /// First bytes of every entry; the digit is the version of the layout.
@@ -120,7 +120,7 @@ fn is_unfinished(name: &str) -> bool {
 }
 
 fn is_marked(folder: &Path) -> bool {
-    fs::read(folder.join(MARK)).is_ok_and(|text| text == MARK_TEXT.as_bytes())
+    read_text(&folder.join(MARK), InputKind::Text).is_ok_and(|text| text == MARK_TEXT)
 }
 
 /// Names an entry by everything that its content depends on.

@@ -66,6 +66,7 @@ impl TransformerEncoder {
     /// # Errors
     /// Those of [`super::from_folder`].
     pub fn load_folder(folder: &Path, layer: Option<usize>) -> Result<Self> {
+        let weights = checkpoint::read(folder)?;
         let config =
             EncoderConfig::from_json(&read_text(&folder.join("config.json"), InputKind::Text)?)?;
         let preprocessor = folder.join("preprocessor_config.json");
@@ -75,7 +76,7 @@ impl TransformerEncoder {
             // The default of Hugging Face's feature extractor.
             true
         };
-        Self::new(config, &checkpoint::read(folder)?, normalise, layer)
+        Self::new(config, &weights, normalise, layer)
     }
 
     pub fn new(
