@@ -10,10 +10,11 @@ import os
 import queue
 import sys
 import threading
+from contextlib import suppress
 
 from ..core import beside, memory
 from ..core import options as words
-from ..core.errors import AnyfaceError, say
+from ..core.errors import AnyfaceError
 from ..farm import ledger
 from ..farm.attempt import END
 from . import disk
@@ -35,7 +36,10 @@ def main() -> int:
                 ledger.close(shot, {**outcome, "memory_mb": memory.peak_mb()})
         tell(outcome)
         code = outcome["exit_code"]
-        say(END, sys.stdout)
+        # Not through `say`, which writes the mark's first letter as an escape: so no name that is
+        # printed can stand for the mark.
+        with suppress(OSError, ValueError):
+            print(END, flush=True)
     return code
 
 
