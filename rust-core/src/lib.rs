@@ -34,6 +34,16 @@
 //! Shapes in the documentation use fixed letters: `B` batch,
 //! `T` motion frames, `S` samples, `C` channels, `V` vertices, `F` faces, `K` eigenpairs,
 //! `N` landmarks.
+// With some of the systems alone, as in browsers, layers of the others are left over.
+#![cfg_attr(
+    not(all(
+        feature = "freetalk",
+        feature = "cafe-talk",
+        feature = "emoface",
+        feature = "facetalk"
+    )),
+    allow(dead_code)
+)]
 // `deny`, not `forbid`: the slicing macro of ndarray expands to an `allow` of its own.
 #![deny(unsafe_code)]
 // What the library has to say goes into results, errors and `tracing`.
