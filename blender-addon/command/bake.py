@@ -10,7 +10,7 @@ from ..core.errors import AnyfaceError, plain
 from ..core.take import EMOTION_WORDS, Basis
 from ..scene import bake, stale
 from ..scene.sound import decode
-from ..ui import preferences, running
+from ..ui import character, preferences, running
 from ..ui.settings import from_object
 from . import telling
 
@@ -20,6 +20,7 @@ def run(options: argparse.Namespace) -> dict:
     scene = named(bpy.data.scenes, options.scene, "scene") if options.scene else None
     scene = scene or bpy.context.scene
     ob = named(bpy.data.objects, options.object, "object")
+    along = character.take_along(ob)
     settings = _settings(ob, scene, options)
     models = options.weights or preferences.model_folder(scene)
     engine = running.engine(settings.system, models)
@@ -31,6 +32,7 @@ def run(options: argparse.Namespace) -> dict:
         bake.discard(take)
         raise
     bake.settle(take)
+    text = " ".join([text, *(f"({note})" for note in character.told(along))])
     if ob.library is None:
         ob.anyface.report, ob.anyface.report_is_error = text, False
     old = stale.everywhere()
@@ -88,7 +90,7 @@ def _settings(ob, scene, options) -> bake.Settings:
     for field in systems.plain_fields():
         value = getattr(options, field.name)
         if value is not None:
-            is_file = field.kind == systems.SOUND
+            is_file = field.kind in systems.PATHS
             settings.fields[field.name] = os.path.abspath(value) if is_file else value
     settings.fixed_controls = {
         control.name: control.number(value)

@@ -104,14 +104,14 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
 
 def files_read() -> tuple[str, ...]:
     """The options of `bake` that name files to read."""
-    recordings = [field.flag for field in systems.plain_fields() if field.kind == systems.SOUND]
-    return ("audio", "events", "emotion-of", "text-file", "landmarks", *recordings)
+    others = (field.flag for field in systems.plain_fields(*systems.PATHS))
+    return ("audio", "events", "emotion-of", "text-file", "landmarks", *others)
 
 
 def _add_fields(task: argparse.ArgumentParser) -> None:
     """Adds an option for each field that has no option of its own."""
     for field in systems.plain_fields():
-        kind: dict[str, Any] = {"metavar": "FILE"} if field.kind == systems.SOUND else {}
+        kind: dict[str, Any] = {"metavar": "FILE"} if field.kind in systems.PATHS else {}
         if field.kind == systems.NUMBER:
             kind = {"type": int if field.is_whole else real}
         help = field.help.replace("%", "%%")

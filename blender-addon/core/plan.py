@@ -128,9 +128,9 @@ class SolveKeys(Plan):
 
     def finish(self, face, take, engine, progress):
         # The keys are those of the face's own object; objects beside it have other keys.
-        vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
         solved = as_made(take, self.shapes)
         if solved is None:
+            vectors = shape_vectors(face, self.shapes, self.factors, self.vectors, engine, progress)
             solved = _solved(face, take, engine, self.shapes, vectors, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
@@ -163,12 +163,29 @@ def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: 
     return engine.solve(*shapes, moved, progress, path, take.fps)
 
 
-def as_made(take: Take, shapes: list[str]) -> Solved | None:
-    """The weights of `shapes` that the system made itself; None if it made none of these."""
+def as_made(take: Take, names: list[str]) -> Solved | None:
+    """The weights of the shapes `names` that the system made itself; None if it made none of these.
+
+    Systems make no visemes: where these are among `names`, all weights have to be solved.
+    """
     weights = take.shape_weights
-    if weights is None or not set(shapes) & set(weights.names):
+    if weights is None or not set(names) & set(weights.names) or set(names) & set(shapes.VISEMES):
         return None
-    return Solved(weights.of(shapes), weights.left_out(shapes))
+    return Solved(weights.of(names), weights.left_out(names))
+
+
+def shape_vectors(
+    face: FaceMesh, names: list[str], factors, vectors, engine, progress: Progress
+) -> np.ndarray:
+    """What the shapes `names` `[S]` move in object space, `[S, V, 3]` float32.
+
+    `vectors` `[K, V, 3]` are the artist's keys, which stand at `factors` `[S, K]`. A face that
+    stands in for the artist's mesh has shapes of its own.
+    """
+    if not face.stands_in:
+        return np.tensordot(factors, vectors, axes=1).astype(np.float32)
+    rig = make_rig(face, engine, progress)
+    return np.ascontiguousarray(rig.vectors[[rig.names.index(name) for name in names]])
 
 
 def by_key(shapes: list[str], keys: list[str], factors: np.ndarray) -> dict[str, dict[str, float]]:

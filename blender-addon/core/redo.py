@@ -128,15 +128,17 @@ class Redo:
         stretches = {}
         for keys in self.keys:
             _, moved = plan.of_piece(snapshot.face, frames, keys.name)
-            moved = moved[:, : keys.vectors.shape[1]]
+            if not snapshot.face.stands_in:
+                moved = moved[:, : keys.vectors.shape[1]]
             if keys.free:
                 stretches[keys.name] = fit(keys.vectors, moved, limit)
                 continue
             shapes, factors = keys.by_shape()
             solved = plan.as_made(take, shapes)
             if solved is None:
-                vectors = np.tensordot(factors, keys.vectors, axes=1).astype(np.float32)
-                face_found = finding.find(snapshot.face, {}, snapshot.engine.find, progress)
+                face, own = snapshot.face, (factors, keys.vectors)
+                vectors = plan.shape_vectors(face, shapes, *own, snapshot.engine, progress)
+                face_found = finding.find(face, {}, snapshot.engine.find, progress)
                 lips = face_found.lips(vectors.shape[1])
                 solved = snapshot.engine.solve(shapes, vectors, lips, moved, progress)
             weights = np.clip(solved.weights @ factors, 0.0, 1.0)

@@ -16,7 +16,9 @@ FACE, MOTION = "face", "motion"
 # What a control's numbers mean.
 REAL, WHOLE, CHOICE = "real", "whole", "choice"
 # Kinds of fields.
-NUMBER, TEXT, SOUND = "number", "text", "sound"
+NUMBER, TEXT, SOUND, FILE = "number", "text", "sound", "file"
+# Their values are paths.
+PATHS = (SOUND, FILE)
 # Fields of these kinds that have their own place on the screen and their own option.
 _BY_HAND = ("text", "fps", "emotion_of")
 
@@ -116,11 +118,12 @@ def controls() -> tuple[Control, ...]:
     return tuple(by_name.values())
 
 
-def plain_fields() -> tuple[Field, ...]:
-    """The numbers, texts and sounds that panel and command draw from their descriptions."""
+def plain_fields(*kinds: str) -> tuple[Field, ...]:
+    """The fields of some kinds, or of all, that panel and command draw from their descriptions."""
+    kinds = kinds or (NUMBER, TEXT, *PATHS)
     every = (field for system in known() for field in system.fields)
     by_name = {field.name: field for field in every if field.name not in _BY_HAND}
-    return tuple(field for field in by_name.values() if field.kind in (NUMBER, TEXT, SOUND))
+    return tuple(field for field in by_name.values() if field.kind in kinds)
 
 
 def find(name: str, among: tuple[System, ...]) -> System:

@@ -184,6 +184,7 @@ class FaceMesh:
     them, are `[68, 3]` positions in object space or `[68]` vertex numbers. `hints` are remarks
     that make an error easier to understand ("the Mirror modifier is not applied"). If teeth, eyes
     or lashes are separate objects, `pieces` says which vertices belong to which, the face first.
+    With `stands_in` it is another head that moves in place of a mesh without a face.
     """
 
     name: str
@@ -196,6 +197,7 @@ class FaceMesh:
     hints: list[str] = field(default_factory=list)
     pieces: list[Piece] = field(default_factory=list)
     roles: PartRoles | None = None
+    stands_in: bool = False
 
     @property
     def space(self) -> FaceSpace:

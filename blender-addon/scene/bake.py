@@ -21,7 +21,7 @@ from ..core.source import SoundSource
 from ..core.take import WORD_OF_SOURCE, FaceMesh, Request, Sound, Take, WrittenFile
 from . import event_strips, identity, live, outputs
 from .animation import emotion
-from .face import mesh, opening, pieces
+from .face import mesh, opening, pieces, sample_head
 from .life import head_and_eyes
 from .life.settings import LifeSettings
 from .outputs import OutputSettings
@@ -136,7 +136,21 @@ class Snapshot:
         return function(*self.face.space.to_library(self.face), voice, request, *more, progress)
 
     def perform(self, progress: Progress, rows: range | None = None) -> Take:
-        """The take before its plan is applied, of all frames or `rows`; raises `AnyfaceError`."""
+        """The take before its plan is applied, of all frames or `rows`; raises `AnyfaceError`.
+
+        Where only names are animated and the mesh has no face, `face` becomes the sample head.
+        """
+        try:
+            return self._perform(progress, rows)
+        except AnyfaceError as error:
+            if error.kind != "face" or outputs.of(self.settings.mode).needs_face:
+                raise
+        self.notes.append(_no_face(self.face.name))
+        self.face = sample_head.in_place_of(self.face)
+        self.request = replace(self.request, roles=None).with_fields(starts_from=None)
+        return self._perform(progress, rows)
+
+    def _perform(self, progress: Progress, rows: range | None) -> Take:
         animate, (voice, request) = self.engine.animate, self.heard(progress)
         if rows is None:
             request = replace(request, keeps_clip=self.plan.keeps_clip)
@@ -175,7 +189,8 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     off = {name: 0.0 for name in settings.life.controls_off if name in settings.controls}
     settings.fixed_controls = off | settings.fixed_controls
     notes = _leave_out_foreign(ob, settings)
-    face = read_face(ob, settings)
+    face, more = _face_or_head(ob, settings, output)
+    notes += more
     source = find_sound(scene, settings, engine)
     scene_fps = scene.render.fps / scene.render.fps_base
     when = source.start_frame, strips.duration_s(source)
@@ -218,11 +233,30 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     )
 
 
+def _face_or_head(ob, settings: Settings, output) -> tuple[FaceMesh, list[str]]:
+    """The face, or the sample head where the mesh is too small for one but need not have one."""
+    try:
+        return read_face(ob, settings), []
+    except AnyfaceError as error:
+        if output.needs_face or error.kind != "mesh" or not len(ob.data.polygons):
+            raise
+    return sample_head.in_place_of(mesh.read_face(ob)), [_no_face(ob.name)]
+
+
+def _no_face(name: str) -> str:
+    return f"no face was found on {name}: its keys follow the sample head by name"
+
+
 def words_and_numbers(settings: Settings) -> dict[str, object]:
-    """The fields of a request that are texts and numbers, the spoken text among them."""
-    plain = [known for known in systems.plain_fields() if known.kind != systems.SOUND]
+    """The fields of a request that are texts, numbers and files, the spoken text among them."""
+    plain = systems.plain_fields(systems.NUMBER, systems.TEXT)
     values = {known.name: settings.fields.get(known.name) for known in plain}
-    return values | {"text": settings.text}
+    files = (
+        (known.name, settings.fields.get(known.name))
+        for known in systems.plain_fields(systems.FILE)
+    )
+    paths = {name: bpy.path.abspath(path) for name, path in files if path}
+    return values | paths | {"text": settings.text}
 
 
 def hears_emotion(settings: Settings) -> bool:
@@ -405,9 +439,8 @@ def _recordings(scene, settings: Settings, engine) -> dict[str, SoundSource]:
     """The recordings beside the speech, by the fields that take them."""
     other = _emotion_sound(scene, settings, engine)
     recordings = {} if other is None else {"emotion_of": other}
-    for known in systems.plain_fields() if hears_emotion(settings) else ():
-        path = settings.fields.get(known.name) if known.kind == systems.SOUND else ""
-        if path:
+    for known in systems.plain_fields(systems.SOUND) if hears_emotion(settings) else ():
+        if path := settings.fields.get(known.name):
             recordings[known.name] = _recording(known.label, path, settings.start_frame)
     return recordings
 

@@ -159,10 +159,9 @@ def draw_recordings(layout, ob) -> None:
     """Draws the recordings beside the speech, greyed out unless emotion is heard in the voice."""
     column = layout.column(align=True)
     column.active = bake.hears_emotion(ob.anyface)
-    for field in systems.plain_fields():
-        if field.kind == systems.SOUND:
-            column.label(text=field.label)
-            column.prop(ob.anyface_audio, field.name, text="")
+    for field in systems.plain_fields(systems.SOUND):
+        column.label(text=field.label)
+        column.prop(ob.anyface_audio, field.name, text="")
 
 
 def draw_heat(layout, ob) -> None:

@@ -11,6 +11,7 @@ from bpy.props import (
 )
 from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 
+from ..core import wording
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
 from ..scene import identity
@@ -155,7 +156,12 @@ def take_along(ob) -> list[str]:
     """Adds teeth, tongue and lashes if nobody has chosen parts yet; returns their names."""
     if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
         return []
-    return _add_new(ob, [part for part in suggestions(ob) if _moves(part)])
+    return _add_new(ob, [part for part in suggestions(ob) if _moves(part, ob)])
+
+
+def told(along: list[str]) -> list[str]:
+    """What a report says of the parts that `take_along` has added."""
+    return [f"together with {wording.listed(along)}"] if along else []
 
 
 def _add_new(ob, parts: list[pieces.Part]) -> list[str]:
@@ -189,14 +195,17 @@ def left_behind(ob) -> str:
     """Names the teeth, tongues and lashes that did not move as the face has no parts; or ""."""
     if len(ob.anyface_face.parts):
         return ""
-    names = [part.name for part in suggestions(ob) if _moves(part)]
+    names = [part.name for part in suggestions(ob) if _moves(part, ob)]
     if not names:
         return ""
     return f"{', '.join(names)} did not move along: Find Parts adds them"
 
 
-def _moves(part) -> bool:
-    return part.role in ("jaw", "nearest") or (not part.role and "teeth" in part.name.lower())
+def _moves(part, ob) -> bool:
+    """Whether a part moves with the lips or lids, as far as its name tells, or else its place."""
+    if part.role or "teeth" in part.name.lower():
+        return part.role in ("jaw", "nearest", "")
+    return pieces.is_inside(bpy.data.objects[part.name], ob)
 
 
 class ANYFACE_PT_character(OfFacePanel, Panel):

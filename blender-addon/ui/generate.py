@@ -3,7 +3,6 @@
 import bpy
 from bpy.types import Operator
 
-from ..core import wording
 from ..core.job import BEGUN
 from ..scene import bake, outputs
 from ..scene.takes import panel_settings
@@ -65,7 +64,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
 
 def _said_once(along: list[str], scene) -> list[str]:
     """Sets *Sync to Audio* once per scene; returns notes about that and about added parts."""
-    notes = [f"together with {wording.listed(along)}"] if along else []
+    notes = character.told(along)
     if not scene.anyface.synced:
         scene.anyface.synced = True
         if scene.sync_mode != "AUDIO_SYNC":

@@ -34,7 +34,7 @@ class ANYFACE_OT_mapping_find(OnList, Operator):
 
     def act(self, ob):
         """Replaces the list."""
-        pairs = artist_keys.find(ob, [])
+        pairs = artist_keys.full(ob, [])
         if not pairs:
             raise Notice("no key has a known name: press + and pick shapes and keys by hand")
         fill(ob, pairs)

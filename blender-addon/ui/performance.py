@@ -57,6 +57,6 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if body is not None:
             body.use_property_decorate = False
             others = [control.name for control in controls if not control.is_slider]
-            fields = [f.name for f in systems.plain_fields() if f.kind != systems.SOUND]
-            for name in (*fields, *others, *_OTHERS):
+            plain = systems.plain_fields(systems.FILE, systems.NUMBER, systems.TEXT)
+            for name in (*(field.name for field in plain), *others, *_OTHERS):
                 body.prop(settings, name, slider=True)

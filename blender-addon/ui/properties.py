@@ -272,14 +272,13 @@ def _of_library() -> dict:
         {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
     )
     controls = {control.name: _of_control(control) for control in systems.controls()}
-    plain = [field for field in systems.plain_fields() if field.kind != systems.SOUND]
+    plain = systems.plain_fields(systems.NUMBER, systems.TEXT, systems.FILE)
     return system_choice | controls | {field.name: _of_field(field) for field in plain}
 
 
 def _recordings() -> dict:
     """A property for each recording that a system can use beside the speech."""
-    plain = [field for field in systems.plain_fields() if field.kind == systems.SOUND]
-    return {field.name: _of_field(field) for field in plain}
+    return {field.name: _of_field(field) for field in systems.plain_fields(systems.SOUND)}
 
 
 def _of_field(field: systems.Field):
@@ -291,7 +290,7 @@ def _of_field(field: systems.Field):
         # Blender's whole numbers have 32 bits.
         whole = {name: int(min(number, 2**31 - 1)) for name, number in numbers.items()}
         return IntProperty(**shared | whole)
-    subtype = "FILE_PATH" if field.kind == systems.SOUND else "NONE"
+    subtype = "FILE_PATH" if field.kind in systems.PATHS else "NONE"
     return StringProperty(subtype=subtype, **shared)
 
 

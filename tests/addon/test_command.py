@@ -67,6 +67,19 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
     assert blocks[1].name == "Anyface.001"
 
 
+def test_bake_takes_teeth_and_lashes_along(run, tmp_path):
+    ob = grid()
+    for name in ("Teeth_lower", "Head.003", "Lamp"):
+        grid(name, scale=0.02)
+    grid("Head.004", scale=0.19)
+    sound, out, report = tone(tmp_path / "a.wav"), tmp_path / "o.blend", tmp_path / "r.json"
+    words = ("bake", "--object", "Head", "--audio", sound, "--save", out, "--report", report)
+    assert run(*words) == 0
+    assert [part.name for part in ob.anyface_face.parts] == ["Head.003", "Teeth_lower"]
+    assert "(together with Head.003 and Teeth_lower)" in json.loads(report.read_text())["message"]
+    assert ob.anyface.report.endswith("(together with Head.003 and Teeth_lower)")
+
+
 def test_options_that_are_left_out_come_from_the_object(run, tmp_path):
     ob = grid()
     ob.anyface.seed, ob.anyface.mode = 5, "frames"

@@ -29,12 +29,13 @@ def test_plain_fields_are_stored_with_the_face(addon):
     names = {field.name for field in systems.plain_fields()}
     assert {"seed", "style", "neutral_voice"} <= names and not {"fps", "text"} & names
     ob.anyface.seed, ob.anyface.style = 7, "grid_s1"
-    ob.anyface_audio.neutral_voice = "/calm.wav"
+    ob.anyface_audio.neutral_voice, ob.anyface.performer = "/calm.wav", "/kim.performer"
     settings = addon("ui.settings").from_object(ob, bpy.context.scene)
     assert set(settings.fields) == names
     assert settings.fields["neutral_voice"] == "/calm.wav"
     request = addon("scene.bake").words_and_numbers(settings)
-    assert request == {"seed": 7, "style": "grid_s1", "text": ""}
+    performer = {"performer": "/kim.performer", "performer_strength": 1.0}
+    assert request == {"seed": 7, "style": "grid_s1", "text": "", **performer}
 
 
 def test_a_new_field_needs_no_line_in_panel_command_or_batch(addon, invented, tmp_path):

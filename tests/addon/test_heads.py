@@ -185,6 +185,36 @@ def test_arkit_keys_show_the_performance(voice, mode):
     assert shown > 50
 
 
+def ball(places):
+    """A ball whose face is keys alone, each of which moves a patch of it; it has no mouth."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=16, radius=0.12)
+    ob = bpy.context.object
+    ob.shape_key_add(name="Basis")
+    for name, (x, z) in places.items():
+        key = ob.shape_key_add(name=name)
+        for number, vertex in enumerate(ob.data.vertices):
+            if vertex.co.y < 0.0 and abs(vertex.co.x - x) < 0.03 and abs(vertex.co.z - z) < 0.02:
+                key.data[number].co.z -= 0.005
+    return ob
+
+
+@pytest.mark.parametrize("system", ["freetalk", "cafe-talk"])
+def test_a_face_of_keys_alone_follows_the_sample_head(voice, system):
+    ob = ready(ball(dict.fromkeys("AIUEO", (0.0, -0.05)) | {"blink_L": (0.04, 0.03)}), voice[0])
+    ob.anyface.mode, ob.anyface.system = "keys", system
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "no face was found" in ob.anyface.report
+    peaks = dict.fromkeys("AIUEO", 0.0)
+    blocks = ob.data.shape_keys.key_blocks
+    for frame in range(1, ob.anyface.last_frame):
+        bpy.context.scene.frame_set(frame)
+        peaks = {name: max(peak, blocks[name].value) for name, peak in peaks.items()}
+    assert max(peaks.values()) > 0.3 and sum(peak > 0.1 for peak in peaks.values()) > 1
+    with pytest.raises(RuntimeError, match="no face found"):
+        ob.anyface.mode = "basis"
+        bpy.ops.anyface.generate()
+
+
 def test_a_table_is_live_link_face(voice, tmp_path):
     ob = ready(import_head(), voice[0])
     ob.anyface.mode, ob.anyface_output.csv_file = "csv", str(tmp_path / "face.csv")

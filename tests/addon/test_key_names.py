@@ -164,3 +164,28 @@ def test_where_all_keys_are_driven_both_outputs_name_a_way_on(stage, tmp_path):
             bpy.ops.anyface.generate()
     ob.anyface.mode = "basis"
     assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
+def test_empty_keys_are_left_out_and_visemes_stand_in(stage, tmp_path):
+    arkit = ["jawOpen", "jawLeft", "jawRight", "mouthFunnel", "mouthLeft", "mouthRight"]
+    visemes = ["viseme_aa", "viseme_E", "viseme_I", "viseme_O", "viseme_U"]
+    ob = speaking(tmp_path, arkit + visemes)
+    carrying(stage, ob)
+    blocks = ob.data.shape_keys.key_blocks
+    for point, at_rest in zip(blocks["mouthRight"].data, blocks[0].data, strict=True):
+        point.co = at_rest.co
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    action = ob.data.shape_keys.animation_data.action
+    animated = {curve.data_path.split('"')[1] for curve in curves(action)}
+    assert animated == {*arkit, *visemes} - {"mouthRight"}
+    assert "empty keys, left out: mouthRight" in ob.anyface.report
+
+
+def test_a_list_of_empty_keys_alone_is_refused(stage, tmp_path):
+    ob = speaking(tmp_path, ["jawOpen", "mouthFunnel"])
+    blocks = ob.data.shape_keys.key_blocks
+    for block in blocks[1:]:
+        for point, at_rest in zip(block.data, blocks[0].data, strict=True):
+            point.co = at_rest.co
+    with pytest.raises(RuntimeError, match="jawOpen, mouthFunnel move nothing"):
+        bpy.ops.anyface.generate()

@@ -17,6 +17,11 @@ from . import mesh, rest
 
 # An object that moves less than this in every frame gets no keys.
 STILL_MM = 0.005
+# What programs call a mesh whose maker gave it no name.
+_NO_NAMES = ("cube", "geometry", "icosphere", "mesh", "node", "object", "plane", "sphere")
+# A part of a face is no larger than this share of the face's box, and its box ends within this
+# share outside the face's.
+_LARGEST, _OUTSIDE = 0.5, 0.05
 # Words in the names of objects, and the role that they mean; the first match counts.
 _NAMES = (
     (("lash", "brow", "beard", "mustache", "moustache"), "nearest"),
@@ -133,3 +138,23 @@ def role_of_name(name: str) -> str:
         if any(word in lower for word in words):
             return role
     return ""
+
+
+def is_inside(other, ob) -> bool:
+    """Whether a mesh whose name says nothing lies within the face `ob`, as teeth and lashes do.
+
+    Such names are those that *Separate by Loose Parts* gives, which are the face's own with another
+    number, and those that programs give.
+    """
+    name = _letters(other.name)
+    if name and name != _letters(ob.name) and name not in _NO_NAMES:
+        return False
+    box, face_box = mesh.corners(other), mesh.corners(ob)
+    low, high = face_box.min(axis=0), face_box.max(axis=0)
+    room = _OUTSIDE * (high - low).max()
+    is_within = (box >= low - room).all() and (box <= high + room).all()
+    return bool(is_within and np.ptp(box, axis=0).max() <= _LARGEST * (high - low).max())
+
+
+def _letters(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalpha())

@@ -4,13 +4,18 @@ Its shape is sampled from the USC ICT FaceKit, Copyright (c) 2020 USC Institute 
 Technologies, MIT licence; `training/sample_head.py` packs it.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ...core.take import FaceMesh
+
 PACKED = Path(__file__).resolve().parents[2] / "sample_head.npz"
 NAME = "Sample Head"
+# Of the box about the head, metres.
+HEIGHT = 0.38
 HAIR = (0.035, 0.02, 0.012)
 _MICROMETRES = 1e6
 
@@ -34,6 +39,14 @@ def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
     with np.load(PACKED) as packed:
         points = standing(_rows(packed["positions"]) / _MICROMETRES, height)
         return points.astype(np.float32), _rows(packed["triangles"]).astype(np.uint32)
+
+
+def in_place_of(face: FaceMesh) -> FaceMesh:
+    """The same head as a face that moves where a mesh has none and only names are animated."""
+    points, triangles = points_and_triangles(HEIGHT)
+    head = {"positions": points, "triangles": triangles, "matrix_world": np.eye(4)}
+    own = {"landmarks": None, "landmark_vertices": None, "roles": None, "hints": []}
+    return replace(face, **head, **own, axes="AUTO", stands_in=True)
 
 
 def _rows(planes: np.ndarray) -> np.ndarray:

@@ -16,9 +16,6 @@ from ..sound import decode, sounds, strips
 from . import entry, outputs
 from .outputs import Drawings
 
-# Height of the default head, metres.
-_HEIGHT = 0.38
-
 
 @dataclass
 class Holds:
@@ -64,7 +61,7 @@ class Snapshot:
                 if error.kind != "face":
                     raise
                 note = f"no face was found on {self.face.name}: the default head spoke"
-        head = (*sample_head.points_and_triangles(_HEIGHT), None, None)
+        head = (*sample_head.points_and_triangles(sample_head.HEIGHT), None, None)
         return Chart(self._draw(head, voice, progress), note)
 
     def _draw(self, face: tuple, voice, progress: Progress) -> list:

@@ -29,6 +29,7 @@ class Csv(Output):
     help = "A Live Link Face CSV file; the mesh stays as it is"
     on_mesh = False
     moves_parts = False
+    needs_face = False
     in_files = True
     options = ("csv_file",)
 

@@ -23,6 +23,7 @@ class Keys(Output):
     label = "Existing Keys"
     help = "The ARKit or viseme keys that the mesh has already"
     moves_parts = False
+    needs_face = False
 
     def check(self, ob, settings):
         super().check(ob, settings)
@@ -61,8 +62,15 @@ class Keys(Output):
         return Cost(workload.keys * workload.frames * KEYFRAME, SOLVE_S)
 
     def plan(self, ob, settings, fps, objects):
-        pairs = artist_keys.find(ob, settings.mapping)
+        pairs = artist_keys.full(ob, settings.mapping)
         keys = artist_keys.names_of(pairs)
+        if not keys:
+            raise AnyfaceError(
+                "mesh",
+                f"{ob.name}: {_some(artist_keys.empty(ob, settings.mapping))} move nothing: choose "
+                "Make ARKit Keys or New Keys",
+                ("use_arkit", "use_basis"),
+            )
         shown, factors = artist_keys.factors(pairs)
         vectors = artist_keys.vectors(ob, keys)
         return SolveKeys(shown, keys, factors, vectors, artist_keys.shown_by(pairs))
@@ -74,7 +82,9 @@ class Keys(Output):
 
     def notes(self, ob, settings):
         left = artist_keys.left_alone(ob, settings.mapping)
-        return [f"driven, muted or locked, left alone: {_some(left)}"] if left else []
+        empty = artist_keys.empty(ob, settings.mapping)
+        notes = [f"driven, muted or locked, left alone: {_some(left)}"] if left else []
+        return [*notes, f"empty keys, left out: {_some(empty)}"] if empty else notes
 
     def split(self, take, parts):
         others = [(piece, _of_object(take, piece)) for piece in parts[1:]]
@@ -100,7 +110,7 @@ def describe(take: Take, what: str) -> str:
 def _of_object(take: Take, piece: Piece) -> Take | None:
     """The take for those keys of another object that show the same shapes; None without any."""
     other, motion = bpy.data.objects.get(piece.name), take.motion
-    theirs = artist_keys.find(other, []) if other is not None else []
+    theirs = artist_keys.full(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]
     if not shared:
         return None

@@ -58,6 +58,9 @@ class Output:
     on_mesh = True
     # Objects beside the face get the same output.
     moves_parts = True
+    # It moves the mesh itself. Other outputs animate values by name, which the sample head can give
+    # where the mesh has no face.
+    needs_face = True
     # It makes files or actions, not shape keys of the mesh.
     in_files = False
     # A stretch of its frames can be redone on the same keys.

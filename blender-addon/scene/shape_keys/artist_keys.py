@@ -27,6 +27,37 @@ def find(ob, mapping: list[Pair]) -> list[Pair]:
     return [pair for pair in mapping if pair.key in free]
 
 
+def full(ob, mapping: list[Pair]) -> list[Pair]:
+    """As `find`, but it finds no keys that move nothing. It reads all keys, which takes a while.
+
+    Visemes stand in for empty ARKit shapes of the mouth.
+    """
+    nothing = empty(ob, mapping)
+    if not nothing:
+        return find(ob, mapping)
+    left = [block.name for block in _free(ob.data.shape_keys) if block.name not in nothing]
+    preset, pairs = key_names.guess(left)
+    lost = [pair.shape for pair in key_names.pairs(key_names.ARKIT, nothing)]
+    if preset == key_names.ARKIT and any(shape.startswith(("jaw", "mouth")) for shape in lost):
+        pairs = pairs + key_names.pairs(key_names.OCULUS, left)
+    return pairs
+
+
+def empty(ob, mapping: list[Pair]) -> list[str]:
+    """Keys that are found by name but move no vertex, as avatars have them to fill a list.
+
+    None with a `mapping`: the artist has chosen these keys.
+    """
+    if mapping or ob.data.shape_keys is None:
+        return []
+    blocks = ob.data.shape_keys.key_blocks
+    return [name for name in names_of(find(ob, [])) if not _moves(blocks[name])]
+
+
+def _moves(block) -> bool:
+    return bool((read_key(block) != read_key(block.relative_key)).any())
+
+
 def names_of(pairs: list[Pair]) -> list[str]:
     """The keys of pairs, each once."""
     return list(dict.fromkeys(pair.key for pair in pairs))
