@@ -46,7 +46,7 @@ fn argument(field: &'static Field) -> Option<Arg> {
             Some(arg.value_name(value_name).value_parser(number).help(help))
         }
         FieldKind::Text => Some(arg.value_name("TEXT").help(help)),
-        FieldKind::Sound | FieldKind::Pose => {
+        FieldKind::Sound | FieldKind::Pose | FieldKind::File => {
             let arg = arg
                 .value_name("FILE")
                 .value_parser(value_parser!(InputPath));
@@ -75,6 +75,10 @@ impl FieldFlags {
                 (FlagValue::File(path), FieldKind::Pose) => {
                     let pose = FieldValue::Pose(Box::new(last_pose(path)?));
                     set_field(&mut request, field.name, pose)?;
+                }
+                (FlagValue::File(path), FieldKind::File) => {
+                    let path = path.to_string_lossy();
+                    set_field(&mut request, field.name, FieldValue::Text(&path))?;
                 }
                 (FlagValue::File(path), _) => {
                     let sound = Waveform::from_file(path)?;
@@ -111,7 +115,7 @@ impl FromArgMatches for FieldFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let value = |field: &'static Field| {
             let value = match field.kind {
-                FieldKind::Sound | FieldKind::Pose => {
+                FieldKind::Sound | FieldKind::Pose | FieldKind::File => {
                     FlagValue::File(matches.get_one::<InputPath>(field.name)?.clone())
                 }
                 _ => FlagValue::Word(matches.get_one::<String>(field.name)?.clone()),

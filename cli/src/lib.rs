@@ -23,6 +23,7 @@ mod motion;
 mod opened;
 mod parts;
 mod paths;
+mod performer;
 mod redo;
 mod rig;
 mod scene;
@@ -66,6 +67,8 @@ enum Command {
     /// Cut free eyes that are one surface with their lids, so that they blink
     OpenEyes(opened::Open),
     Head(head::MakeHead),
+    #[command(subcommand)]
+    Performer(performer::Performer),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
     Sounds(sounds::Sounds),
@@ -170,6 +173,7 @@ impl Arguments {
             Command::OpenMouth(command) => command.run(Feature::Mouth, &self.shared, console),
             Command::OpenEyes(command) => command.run(Feature::Eyes, &self.shared, console),
             Command::Head(command) => command.run(&self.shared, console),
+            Command::Performer(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Sounds(command) => command.run(&self.shared, console),

@@ -32,7 +32,7 @@ pub struct Motion {
     #[arg(long, value_name = "R.json")]
     report: Option<OutputPath>,
     /// Make the motion as the live stream does: each frame hears a fifth of a second ahead, in one style and without noise
-    #[arg(long, conflicts_with_all = ["style", "sounds", "redo"])]
+    #[arg(long, conflicts_with_all = ["style", "performer", "sounds", "redo"])]
     causal: bool,
     #[command(flatten)]
     sound: SoundArgs,

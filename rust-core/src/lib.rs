@@ -76,7 +76,9 @@ pub mod systems;
 pub mod text;
 
 pub use cache::CachePolicy;
-pub use engine::{Engine, EngineOptions, MouthReach, Part, Performance, SliderChange};
+pub use engine::{
+    CapturedTake, Engine, EngineOptions, MouthReach, Part, Performance, SliderChange,
+};
 pub use error::{Error, Result};
 pub use face::Face;
 pub use motion::MotionRequest;

@@ -316,3 +316,64 @@ fn a_whisper_that_is_not_there_is_refused() {
         "nowhere",
     );
 }
+
+#[test]
+fn a_performer_moves_the_mouth_as_that_person_does() {
+    let folder = folder_with_sound(&babble(8.0, 16_000), 16_000);
+    let said = "motion --audio a.wav --emotion off --fps 25 --noise 0 --out";
+    done(&folder, &format!("{said} plain.npz"));
+    done(&folder, &format!("{said} person.npz --width 2 --jaw 1.6"));
+    let learn = "performer learn --audio a.wav --motion person.npz --out kim.performer";
+    let (card, _) = done(&folder, &format!("{learn} --json"));
+    let card: serde_json::Value = serde_json::from_str(&card).unwrap();
+    assert_eq!(card["takes"][0]["name"], "person.npz");
+    done(
+        &folder,
+        &format!("{said} kim.npz --performer kim.performer"),
+    );
+    done(
+        &folder,
+        &format!("{said} none.npz --performer kim.performer --performer-strength 0"),
+    );
+    let widths = |name: &str| {
+        let moved = motion(&folder, name).displacements;
+        let widths = &moved.slice(ndarray::s![.., 54, 0]) - &moved.slice(ndarray::s![.., 48, 0]);
+        widths.std(0.0)
+    };
+    let (plain, person, kim) = (widths("plain.npz"), widths("person.npz"), widths("kim.npz"));
+    assert!(
+        person > 1.3 * plain && kim > 1.15 * plain,
+        "{plain} {person} {kim}"
+    );
+    assert_eq!(motion(&folder, "none.npz"), motion(&folder, "plain.npz"));
+
+    for (line, code, words) in [
+        (
+            "motion --audio a.wav --out o.npz --performer kim.performer --system emoface",
+            3,
+            "freetalk",
+        ),
+        (
+            "motion --audio a.wav --out o.npz --performer a.wav",
+            3,
+            "expected a performer",
+        ),
+        (
+            "motion --audio a.wav --out o.npz --performer gone.performer",
+            8,
+            "gone.performer",
+        ),
+        (
+            "performer learn --audio a.wav --motion a.wav --out o.performer",
+            3,
+            "Live Link Face",
+        ),
+        (
+            "performer learn --audio a.wav --motion plain.npz --motion kim.npz --out o.performer",
+            3,
+            "one for each of 1 sounds",
+        ),
+    ] {
+        refused(&folder, line, code, words);
+    }
+}

@@ -29,7 +29,7 @@ ControlLike = float | str | tuple[ArrayLike, ArrayLike]
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
 Points = tuple[np.ndarray | None, np.ndarray | None]
 """Positions `[68, 3]` and vertex numbers `[68]` of landmarks. At least one of them is None."""
-_FIELD_KINDS = systems.NUMBER, systems.TEXT, systems.SOUND
+_FIELD_KINDS = systems.NUMBER, systems.TEXT, *systems.PATHS
 # With more columns than this the array is transposed: its columns are samples, not channels.
 _MAX_CHANNELS = 32
 

@@ -63,8 +63,8 @@ def animate(
     is found too, but these axes decide if several places look like a face.
 
     `controls` are those that `systems()` lists. `events` are texts such as `1.2-2.0:left wink:0.8`,
-    for systems that show them. `fields` are the numbers, texts and sounds that `systems()` lists:
-    `seed=3`, `text="Hello there."` for the words that are spoken, `style="name"` for a speaker,
+    for systems that show them. `fields` are the numbers, texts, files and sounds that `systems()`
+    lists: `seed=3`, `text="Hello there."` for the words that are spoken, `style="name"` for a speaker,
     `neutral_voice="calm.wav"` for the same person's neutral speech. With `weights` the motion is
     also solved into ARKit weights. `out` is a file that also receives the take on the mesh's ARKit
     shapes: .glb, .usda, or .vrma, which moves any VRM avatar. Pass an `engine` to use other models

@@ -7,6 +7,7 @@ mod mouth_reach;
 mod open_eyes;
 mod open_mouth;
 mod perform;
+mod performers;
 mod sliders;
 mod stretches;
 mod take_weights;
@@ -38,6 +39,7 @@ use crate::{
 };
 pub use mouth_reach::MouthReach;
 pub use perform::Performance;
+pub use performers::CapturedTake;
 pub use sliders::SliderChange;
 pub use stretches::Part;
 

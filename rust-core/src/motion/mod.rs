@@ -25,6 +25,7 @@ mod life;
 mod live_closures;
 mod liveliness;
 mod mood;
+pub mod performer;
 mod phrases;
 mod redo;
 mod request;
@@ -66,6 +67,7 @@ pub use join::Pose;
 pub(crate) use join::{begin_in, begin_tongue_in};
 pub use life::{Life, LifeStrengths};
 pub use live_closures::{CLOSURES_MODEL, LiveClosures};
+pub use performer::Performer;
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 #[cfg(any(feature = "emoface", feature = "facetalk"))]

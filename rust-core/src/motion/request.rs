@@ -8,7 +8,7 @@ use crate::{
     speech::{Script, VoiceTrack},
 };
 
-use super::{ARTICULATION, Pose};
+use super::{ARTICULATION, Performer, Pose};
 
 /// The frame rates that a result may have, in frames per second.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -52,6 +52,10 @@ pub struct MotionRequest {
     /// longer it is the better. The emotion of the voice is then heard as the difference from it.
     /// It has no effect if no emotion is heard.
     pub neutral_voice: Option<Arc<VoiceTrack>>,
+    /// The person whose mouth the face shows.
+    pub performer: Option<Arc<Performer>>,
+    /// How strongly `performer` counts, 0 to 2: 1 is as the person speaks, 0 as the model's own speaker does.
+    pub performer_strength: f32,
     /// The pose of the face in the first frame, such as the last pose of another motion. `None` is
     /// rest. For systems that make each frame from the frames before it.
     pub starts_from: Option<Pose>,
@@ -70,6 +74,8 @@ impl Default for MotionRequest {
             events: Vec::new(),
             emotion_of: None,
             neutral_voice: None,
+            performer: None,
+            performer_strength: 1.0,
             starts_from: None,
         }
     }

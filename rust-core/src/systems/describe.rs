@@ -90,6 +90,7 @@ impl Ability {
             Ability::Words => "words",
             Ability::Emotion => "emotion",
             Ability::FirstPose => "first_pose",
+            Ability::Performer => "performer",
             Ability::Head => "head",
         }
     }

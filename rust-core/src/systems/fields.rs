@@ -4,7 +4,7 @@
 //! what it takes, who obeys it and how it enters a [`MotionRequest`]. The C interface sets fields and
 //! controls by name, and knows of no single one.
 
-use std::{fmt::Display, sync::Arc};
+use std::{fmt::Display, path::Path, sync::Arc};
 
 use ndarray::ArrayView2;
 
@@ -13,7 +13,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{Control, ControlCurve, EMOTIONS, Emotion, EmotionCurve},
-    motion::{FPS, MotionRequest, Pose, check_closures, check_fps},
+    motion::{FPS, MotionRequest, Performer, Pose, check_closures, check_fps},
     speech::{Script, VoiceTrack},
     text::Reader,
 };
@@ -62,6 +62,8 @@ pub enum FieldKind {
     Events,
     /// A sound.
     Sound,
+    /// A file, by the text of its path.
+    File,
     /// The last frame of a motion.
     Pose,
 }
@@ -205,6 +207,42 @@ pub static FIELDS: &[Field] = &[
         },
     },
     Field {
+        name: "performer",
+        label: "Performer",
+        help: "A file of `anyface performer learn`: the mouth then moves as that person's does.",
+        kind: FieldKind::File,
+        needs: Some(Need {
+            ability: Ability::Performer,
+            task: "performers",
+            is_set: |request| request.performer.is_some(),
+        }),
+        set: |request, value| {
+            let read = |path: &str| Performer::read(Path::new(path)).map(Arc::new);
+            request.performer = value.text()?.map(read).transpose()?;
+            Ok(())
+        },
+    },
+    Field {
+        name: "performer_strength",
+        label: "Performer Strength",
+        help: "How much of the performer the face shows: 1 is as that person speaks, 0 as without.",
+        kind: FieldKind::Number(NumberRange {
+            low: 0.0,
+            high: 2.0,
+            default: 1.0,
+            is_whole: false,
+        }),
+        needs: None,
+        set: |request, value| {
+            let strength = value.number()?;
+            if !(0.0..=2.0).contains(&strength) {
+                return value.refuse("0 to 2");
+            }
+            request.performer_strength = strength as f32;
+            Ok(())
+        },
+    },
+    Field {
         name: "style",
         label: "Speaker",
         help: "Name of the speaker whose style the face copies; without one, the model's own.",
@@ -313,6 +351,7 @@ impl FieldKind {
             FieldKind::Intervals => "intervals",
             FieldKind::Events => "events",
             FieldKind::Sound => "sound",
+            FieldKind::File => "file",
             FieldKind::Pose => "pose",
         }
     }

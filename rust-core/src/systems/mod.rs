@@ -52,7 +52,7 @@ impl Registration {
             return Ok(());
         }
         let expected = match ability {
-            Ability::Events => "that shows them",
+            Ability::Events | Ability::Performer => "that shows them",
             Ability::Words => "that understands words",
             Ability::Emotion => "that hears emotion",
             Ability::FirstPose => "that goes on from one",

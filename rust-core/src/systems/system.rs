@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use super::{Slider, Windows};
 use crate::{
-    Result,
+    Error, Result,
     conditions::{Control, ControlStage, Controls, EmotionCurve},
     deform::Decoder,
     job::ProgressFn,
@@ -66,6 +66,8 @@ pub enum Ability {
     Emotion,
     /// Starts a take from a given pose.
     FirstPose,
+    /// Shows the mouth of a performer.
+    Performer,
     /// Moves the parametric head of [`crate::head`].
     Head,
 }
@@ -165,6 +167,22 @@ pub trait System: Send + Sync {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled>;
+
+    /// What the models do with a sound at their own frame rate, without noise, contacts or a performer. A
+    /// performer's motion is learned as the difference from it. For systems with [`Ability::Performer`].
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system without it; `Cancelled`.
+    fn own_speaker(
+        &self,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let _ = (heard, progress);
+        Err(Error::InvalidInput(
+            "performers: expected a system that shows them".into(),
+        ))
+    }
 
     /// Applies the controls of `request` to the sampled motion. Blinks come as often as under
     /// `blink_emotion`. This is the request's own emotion, unless only its strength is varied.

@@ -26,7 +26,7 @@ use crate::{
         PERFORMANCE_CONTROLS, WidthGain,
     },
     speech::{CausalModel, SpeechFeatures},
-    systems::{Description, Registration, Sampled, Slider, System},
+    systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
 /// Built-in weights of the denoiser.
@@ -57,7 +57,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&ATS_MODEL, &STREAM_MODEL, &CLOSURES_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Landmarks,
-    abilities: &[],
+    abilities: &[Ability::Performer],
     emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 274_000,
@@ -104,6 +104,41 @@ impl FreeTalk {
         })
     }
 
+    /// Speech at the denoiser's own frame rate, with the performer but without contacts.
+    fn spoken(
+        &self,
+        heard: &SpeechFeatures,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let fps = self.config.fps;
+        let features = heard.features(fps);
+        let emotion = match self.config.emotion {
+            EmotionOrigin::Learned => &request.emotion,
+            EmotionOrigin::Added => &EmotionCurve::Off,
+        };
+        let affect = emotion.sample(features.nrows(), fps);
+        let steps = STEPS.value(&request.controls) as usize;
+        let mut displacements = self.ats.get()?.sample(
+            &AtsRequest {
+                speech: features.view(),
+                affect: affect.view(),
+                style: request.style.as_deref(),
+                seed: request.seed,
+                steps: (steps > 0).then_some(steps),
+                temperature: Some(
+                    NOISE.value(&request.controls) * self.config.sampling.temperature,
+                ),
+            },
+            progress,
+        )?;
+        if let Some(performer) = &request.performer {
+            let heard = (features.view(), heard.encoder_name());
+            performer.add_to(displacements.view_mut(), heard, request.performer_strength)?;
+        }
+        Ok(LandmarkClip { displacements, fps })
+    }
+
     fn paper(&self) -> Result<Arc<PaperDecoder>> {
         if let Some(paper) = self.paper.get() {
             return Ok(Arc::clone(paper));
@@ -132,29 +167,9 @@ impl System for FreeTalk {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
-        let fps = self.config.fps;
-        let features = heard.features(fps);
-        let emotion = match self.config.emotion {
-            EmotionOrigin::Learned => &request.emotion,
-            EmotionOrigin::Added => &EmotionCurve::Off,
-        };
-        let affect = emotion.sample(features.nrows(), fps);
-        let steps = STEPS.value(&request.controls) as usize;
-        let displacements = self.ats.get()?.sample(
-            &AtsRequest {
-                speech: features.view(),
-                affect: affect.view(),
-                style: request.style.as_deref(),
-                seed: request.seed,
-                steps: (steps > 0).then_some(steps),
-                temperature: Some(
-                    NOISE.value(&request.controls) * self.config.sampling.temperature,
-                ),
-            },
-            progress,
-        )?;
+        let clip = self.spoken(heard, request, progress)?;
         let frames = heard.frames(request.fps);
-        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
+        let mut clip = clip.at_rate(request.fps, frames);
         let closes = self.config.closes_lips(request.style.as_deref());
         if closes || request.closures.is_some() {
             let contacts = heard.contacts(request.closures.as_deref());
@@ -164,6 +179,16 @@ impl System for FreeTalk {
             clip.make_contacts(&contacts, &self.modes)?;
         }
         Ok(Motion::Landmarks(clip).into())
+    }
+
+    fn own_speaker(
+        &self,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let mut request = MotionRequest::default();
+        request.controls.set(NOISE.name, 0.0);
+        self.spoken(heard, &request, progress)
     }
 
     fn apply_controls(

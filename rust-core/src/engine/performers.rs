@@ -1,0 +1,72 @@
+//! Learns performers: what one person's mouth does differently.
+
+use super::Engine;
+use crate::{
+    Result,
+    audio::{PROSODY_FPS, Prosody, Waveform},
+    job::{Progress, ProgressFn},
+    motion::{
+        LandmarkClip, Performer,
+        performer::{Lesson, learn},
+    },
+    systems::Ability,
+};
+
+/// A sound, and how the face moved that spoke it.
+#[derive(Debug, Clone)]
+pub struct CapturedTake {
+    /// A name for messages and for the performer's card.
+    pub name: String,
+    /// The sound.
+    pub sound: Waveform,
+    /// The motion from the start of the sound on, canonical metres, at any frame rate.
+    pub motion: LandmarkClip,
+}
+
+impl Engine {
+    /// Learns how a person's mouth differs from that of the system's own speaker. Fifteen seconds are enough; more is
+    /// better.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that takes no performers, and those of [`learn`]; `Audio` for a sound too short to
+    /// use; `Cancelled`.
+    pub fn learn_performer(
+        &self,
+        takes: &[CapturedTake],
+        progress: ProgressFn<'_>,
+    ) -> Result<Performer> {
+        self.registration
+            .require(Ability::Performer, "performers")?;
+        self.threads(|| {
+            let mut lessons = Vec::new();
+            for (number, take) in takes.iter().enumerate() {
+                let share = |p: Progress| {
+                    let fraction = (number as f32 + p.fraction) / takes.len() as f32;
+                    progress(Progress { fraction, ..p })
+                };
+                lessons.push(self.lesson(take, &share)?);
+            }
+            learn(self.encoder.get()?.name(), lessons)
+        })
+    }
+
+    fn lesson(&self, take: &CapturedTake, progress: ProgressFn<'_>) -> Result<Lesson> {
+        let heard = self.hear(&take.sound, progress)?;
+        let model = self.system.own_speaker(&heard, progress)?;
+        let frames = model.displacements.dim().0;
+        Ok(Lesson {
+            name: take.name.clone(),
+            features: heard.features(model.fps),
+            speaks: (0..frames)
+                .map(|t| speaks(&heard.prosody, t as f64 / model.fps))
+                .collect(),
+            captured: take.motion.clone(),
+            model,
+        })
+    }
+}
+
+fn speaks(prosody: &Prosody, time_s: f64) -> bool {
+    let frame = (time_s * PROSODY_FPS) as usize;
+    !prosody.pauses.iter().any(|pause| pause.contains(&frame))
+}

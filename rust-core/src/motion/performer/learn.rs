@@ -1,0 +1,508 @@
+//! Learns a performer from sounds and the motion of the face that spoke them.
+//!
+//! The strength of the ridge is chosen on parts of the takes that are left out in turn.
+
+use ndarray::{Array2, ArrayView2, Axis, concatenate};
+
+use super::{
+    AspectScore, LearnedTake, Performer, PerformerCard, VERSION, add_row,
+    read_out::{ReadOut, mean_row},
+};
+use crate::{
+    Error, Result,
+    mesh::ibug::speaking,
+    motion::{
+        LandmarkClip,
+        contacts::{gap, width},
+    },
+};
+
+/// Ridges to choose from, per second of sound.
+const RIDGES: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
+/// Into how many sets the parts of all takes are dealt.
+const FOLDS: usize = 5;
+/// Length of a part that is left out, seconds. Shorter ones would have neighbours in the fit.
+const PART_S: f64 = 2.0;
+/// The least speech that is enough, seconds.
+const LEAST_SPEECH_S: f64 = 3.0;
+/// The least time in which nobody speaks that says what a face at rest looks like, seconds.
+const LEAST_QUIET_S: f64 = 0.3;
+/// The largest lag of a motion behind its sound that is looked for, seconds.
+const LARGEST_LAG_S: f64 = 0.4;
+/// A lag counts if it raises the correlation of the lips by as much as this.
+const LAG_GAIN: f64 = 0.05;
+/// Two halves of a take whose lags differ by more than this drift apart, seconds.
+const DRIFT_S: f64 = 0.2;
+/// The least length of such a half, seconds: the lag of a shorter one says little.
+const LEAST_HALF_S: f64 = 5.0;
+/// A face whose lips part by less than this, root mean square, does not speak. Metres.
+const STILL_M: f64 = 2e-4;
+/// A face whose lips follow the model's speaker less than this says something else.
+const UNLIKE: f64 = 0.15;
+/// The share of the squared difference that has to stay unexplained at most, on parts left out.
+const MOST_LEFT: f64 = 0.97;
+
+/// A take to learn from: 25 or so frames a second of one sound.
+#[derive(Debug, Clone)]
+pub struct Lesson {
+    /// A name for messages and the card.
+    pub name: String,
+    /// Features of the sound `[T, C]`, at the rate of the motion of the model's speaker.
+    pub features: Array2<f32>,
+    /// What the model's own speaker does with the sound, without noise and contacts.
+    pub model: LandmarkClip,
+    /// What the person's face did, from the start of the sound on. Its rest is taken from the frames in which
+    /// nobody speaks.
+    pub captured: LandmarkClip,
+    /// `[T]`, whether somebody speaks.
+    pub speaks: Vec<bool>,
+}
+
+/// Learns how a person's mouth differs from that of the model's speaker. `encoder` is the name of the speech
+/// encoder of the features.
+///
+/// # Errors
+/// `InvalidInput` for takes that are too short, whose face is still, says something else or drifts against the
+/// sound, and if the result would follow the person no better than the model's speaker does.
+pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
+    let prepared = lessons
+        .iter()
+        .map(Prepared::new)
+        .collect::<Result<Vec<_>>>()?;
+    check_length(&prepared)?;
+    let all = Rows::of(&prepared);
+    let folds = Folds::of(&prepared);
+    let left_out = RIDGES.map(|ridge| folds.error(&all, ridge));
+    let nearest = (0..RIDGES.len()).min_by(|a, b| left_out[*a].total_cmp(&left_out[*b]));
+    let nearest = nearest.unwrap_or_default();
+    let without: f64 = sum_of_squares(centred(&all.difference).view());
+    if left_out[nearest] > MOST_LEFT * without {
+        return Err(Error::InvalidInput(format!(
+            "performer: expected takes whose left out parts it follows better than the model does, got {:.0} % of the \
+             difference unexplained: give more takes, or check that sound and motion belong together",
+            100.0 * left_out[nearest] / without.max(1e-12)
+        )));
+    }
+    let ridge = RIDGES[nearest];
+    let read_out = ReadOut::fit(&all.features, &all.difference, ridge * all.seconds);
+    let predicted = folds.predicted(&all, ridge);
+    Ok(Performer {
+        card: PerformerCard {
+            version: VERSION,
+            encoder: encoder.to_owned(),
+            takes: prepared.iter().map(|take| take.card.clone()).collect(),
+            ridge,
+            scores: scores(&prepared, &predicted),
+        },
+        read_out,
+    })
+}
+
+/// A take whose lag and rest are taken off.
+struct Prepared {
+    card: LearnedTake,
+    fps: f64,
+    features: Array2<f32>,
+    /// The model's speaker and the person, with the same number of frames.
+    model: LandmarkClip,
+    captured: LandmarkClip,
+    /// Person less model, `[T, 3 L]`, less what it is at rest.
+    difference: Array2<f32>,
+    spoken: usize,
+}
+
+impl Prepared {
+    fn new(lesson: &Lesson) -> Result<Prepared> {
+        let fps = lesson.model.fps;
+        let refuse = |why: String| Error::InvalidInput(format!("{}: {why}", lesson.name));
+        let count = (lesson.captured.displacements.len_of(Axis(0)) as f64 / lesson.captured.fps
+            * fps) as usize;
+        let captured = lesson.captured.at_rate(fps, count);
+        let (heard, seen) = (gaps(&lesson.model), gaps(&captured));
+        if deviation(&seen) < STILL_M {
+            return Err(refuse(format!(
+                "expected a face that speaks, got lips that part by {:.2} mm",
+                1e3 * deviation(&seen)
+            )));
+        }
+        let (lag, r) = lag_of(&heard, &seen, fps);
+        if r < UNLIKE {
+            return Err(refuse(format!(
+                "expected a face that says what is heard, got lips that follow the sound with a correlation of {r:.2}: \
+                 check that sound and motion belong together and begin together"
+            )));
+        }
+        check_drift(&heard, &seen, fps).map_err(refuse)?;
+        // Frame t of the sound is seen in frame t + lag.
+        let (from, to) = (lag.max(0) as usize, (-lag).max(0) as usize);
+        let frames = (seen.len() - from.min(seen.len())).min(heard.len() - to.min(heard.len()));
+        let part = |clip: &LandmarkClip, first: usize| LandmarkClip {
+            displacements: clip
+                .displacements
+                .slice(ndarray::s![first..first + frames, .., ..])
+                .to_owned(),
+            fps,
+        };
+        let (model, captured) = (part(&lesson.model, to), part(&captured, from));
+        let speaks = &lesson.speaks[to..to + frames];
+        Ok(Prepared {
+            card: LearnedTake {
+                name: lesson.name.clone(),
+                seconds: frames as f64 / fps,
+                lag_s: lag as f64 / fps,
+            },
+            fps,
+            features: lesson
+                .features
+                .slice(ndarray::s![to..to + frames, ..])
+                .to_owned(),
+            difference: difference(&model, &captured, speaks),
+            model,
+            captured,
+            spoken: speaks.iter().filter(|speaks| **speaks).count(),
+        })
+    }
+}
+
+fn check_length(takes: &[Prepared]) -> Result<()> {
+    let spoken_s: f64 = takes.iter().map(|take| take.spoken as f64 / take.fps).sum();
+    if spoken_s < LEAST_SPEECH_S {
+        return Err(Error::InvalidInput(format!(
+            "performer: expected takes with {LEAST_SPEECH_S} s of speech or more, best 15 s, got {spoken_s:.1} s"
+        )));
+    }
+    Ok(())
+}
+
+/// Person less model at the landmarks of speech, `[T, 3 L]`, less what it is in frames in which nobody speaks, or
+/// on average if these are too few: captures rest in other poses than meshes.
+fn difference(model: &LandmarkClip, captured: &LandmarkClip, speaks: &[bool]) -> Array2<f32> {
+    let own = spoken(captured) - spoken(model);
+    let quiet: Vec<usize> = (0..speaks.len()).filter(|t| !speaks[*t]).collect();
+    let at_rest = if quiet.len() as f64 >= LEAST_QUIET_S * model.fps {
+        own.select(Axis(0), &quiet)
+    } else {
+        own.clone()
+    };
+    match at_rest.mean_axis(Axis(0)) {
+        Some(rest) => own - &rest,
+        None => own,
+    }
+}
+
+/// Jaw and mouth of a clip, `[T, 3 L]`.
+fn spoken(clip: &LandmarkClip) -> Array2<f32> {
+    let landmarks: Vec<usize> = speaking().collect();
+    let size = (clip.displacements.dim().0, 3 * landmarks.len());
+    let value = |(t, i): (usize, usize)| clip.displacements[[t, landmarks[i / 3], i % 3]];
+    Array2::from_shape_fn(size, value)
+}
+
+/// The frames of all takes, one below the other.
+struct Rows {
+    features: Array2<f32>,
+    difference: Array2<f32>,
+    seconds: f64,
+}
+
+impl Rows {
+    fn of(takes: &[Prepared]) -> Rows {
+        let stack = |of: fn(&Prepared) -> ArrayView2<'_, f32>| {
+            let parts: Vec<_> = takes.iter().map(of).collect();
+            concatenate(Axis(0), &parts).expect("takes have the same features")
+        };
+        Rows {
+            features: stack(|take| take.features.view()),
+            difference: stack(|take| take.difference.view()),
+            seconds: takes.iter().map(|take| take.card.seconds).sum(),
+        }
+    }
+
+    fn select(&self, rows: &[usize]) -> Rows {
+        Rows {
+            features: self.features.select(Axis(0), rows),
+            difference: self.difference.select(Axis(0), rows),
+            seconds: self.seconds * rows.len() as f64 / self.features.nrows() as f64,
+        }
+    }
+}
+
+/// Rows that are left out together.
+struct Folds(Vec<Vec<usize>>);
+
+impl Folds {
+    fn of(takes: &[Prepared]) -> Folds {
+        let (mut folds, mut first, mut part) = (vec![Vec::new(); FOLDS], 0, 0);
+        for take in takes {
+            let length = (PART_S * take.fps) as usize;
+            let rows: Vec<usize> = (first..first + take.features.nrows()).collect();
+            for rows in rows.chunks(length.max(1)) {
+                folds[part % FOLDS].extend(rows);
+                part += 1;
+            }
+            first += take.features.nrows();
+        }
+        folds.retain(|fold| !fold.is_empty());
+        Folds(folds)
+    }
+
+    /// The difference `[T, 3 L]` of each fold by a fit on the others.
+    fn predicted(&self, all: &Rows, ridge: f64) -> Array2<f32> {
+        let mut out = Array2::zeros(all.difference.dim());
+        for fold in &self.0 {
+            let others: Vec<usize> = (0..all.features.nrows())
+                .filter(|t| !fold.contains(t))
+                .collect();
+            let rest = all.select(&others);
+            let fit = ReadOut::fit(&rest.features, &rest.difference, ridge * rest.seconds);
+            let predicted = fit.at(all.features.select(Axis(0), fold).view());
+            for (t, row) in fold.iter().zip(predicted.outer_iter()) {
+                out.row_mut(*t).assign(&row);
+            }
+        }
+        out
+    }
+
+    /// The squared difference that stays unexplained on parts left out.
+    fn error(&self, all: &Rows, ridge: f64) -> f64 {
+        sum_of_squares((&all.difference - &self.predicted(all, ridge)).view())
+    }
+}
+
+fn centred(rows: &Array2<f32>) -> Array2<f32> {
+    rows - &mean_row(rows)
+}
+
+fn sum_of_squares(values: ArrayView2<'_, f32>) -> f64 {
+    values.iter().map(|x| f64::from(*x).powi(2)).sum()
+}
+
+fn gaps(clip: &LandmarkClip) -> Vec<f64> {
+    clip.displacements
+        .outer_iter()
+        .map(|face| f64::from(gap(face)))
+        .collect()
+}
+
+fn deviation(curve: &[f64]) -> f64 {
+    let mean = curve.iter().sum::<f64>() / curve.len().max(1) as f64;
+    (curve.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / curve.len().max(1) as f64).sqrt()
+}
+
+/// By how many frames `seen` lags behind `heard`, and the correlation at that lag.
+fn lag_of(heard: &[f64], seen: &[f64], fps: f64) -> (isize, f64) {
+    let most = (LARGEST_LAG_S * fps).round() as isize;
+    let at = |lag: isize| {
+        let from = &seen[(lag.max(0) as usize).min(seen.len())..];
+        let to = &heard[((-lag).max(0) as usize).min(heard.len())..];
+        correlation(to, from)
+    };
+    let plain = at(0);
+    let best = (-most..=most)
+        .max_by(|a, b| at(*a).total_cmp(&at(*b)))
+        .unwrap_or(0);
+    if at(best) > plain + LAG_GAIN {
+        (best, at(best))
+    } else {
+        (0, plain)
+    }
+}
+
+fn check_drift(heard: &[f64], seen: &[f64], fps: f64) -> Result<(), String> {
+    let frames = heard.len().min(seen.len());
+    let half = frames / 2;
+    let lag = |range: std::ops::Range<usize>| lag_of(&heard[range.clone()], &seen[range], fps);
+    let (first, second) = (lag(0..half), lag(half..frames));
+    let apart_s = (first.0 - second.0).abs() as f64 / fps;
+    if half as f64 >= LEAST_HALF_S * fps
+        && apart_s > DRIFT_S
+        && first.1.min(second.1) > 2.0 * UNLIKE
+    {
+        return Err(format!(
+            "expected motion that keeps to its sound, got one that lags by {:.2} s in the first half and by {:.2} s in the \
+             second: check its frame rate",
+            first.0 as f64 / fps,
+            second.0 as f64 / fps
+        ));
+    }
+    Ok(())
+}
+
+/// Pearson's correlation of the first values that both have; 0 where one of them is constant.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().min(b.len());
+    let (a, b) = (&a[..count], &b[..count]);
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / count.max(1) as f64;
+    let (at, bt) = (mean(a), mean(b));
+    let product: f64 = a.iter().zip(b).map(|(x, y)| (x - at) * (y - bt)).sum();
+    let size = deviation(a) * deviation(b) * count as f64;
+    if size > 0.0 { product / size } else { 0.0 }
+}
+
+/// The slope of `of` over `over`.
+fn slope(of: &[f64], over: &[f64]) -> f64 {
+    correlation(of, over) * deviation(of) / deviation(over).max(1e-12)
+}
+
+/// Scores on the parts that were left out, `predicted` `[T, 3 L]` over all takes: means over takes.
+fn scores(takes: &[Prepared], predicted: &Array2<f32>) -> Vec<AspectScore> {
+    let aspects: [(&str, fn(ndarray::ArrayView2<'_, f32>) -> f32); 4] = [
+        ("gap", gap),
+        ("width", width),
+        ("chin", |face| -face[[8, 1]]),
+        ("protrusion", |face| {
+            face.slice(ndarray::s![48.., 2]).mean().unwrap_or(0.0)
+        }),
+    ];
+    let mut rows = predicted.outer_iter();
+    let clips: Vec<LandmarkClip> = takes
+        .iter()
+        .map(|take| {
+            let mut clip = take.model.clone();
+            for (mut face, row) in clip.displacements.outer_iter_mut().zip(&mut rows) {
+                add_row(&mut face, row, 1.0);
+            }
+            clip
+        })
+        .collect();
+    let score = |(name, of): (&str, fn(ndarray::ArrayView2<'_, f32>) -> f32)| {
+        let curve = |clip: &LandmarkClip| -> Vec<f64> {
+            clip.displacements
+                .outer_iter()
+                .map(|face| f64::from(of(face)))
+                .collect()
+        };
+        let mean = |measure: fn(&[f64], &[f64]) -> f64, with: bool| {
+            let each = takes.iter().zip(&clips).map(|(take, clip)| {
+                measure(
+                    &curve(if with { clip } else { &take.model }),
+                    &curve(&take.captured),
+                )
+            });
+            each.sum::<f64>() / takes.len() as f64
+        };
+        AspectScore {
+            name: name.to_owned(),
+            r: mean(correlation, true),
+            slope: mean(slope, true),
+            r_without: mean(correlation, false),
+            slope_without: mean(slope, false),
+        }
+    };
+    aspects.into_iter().map(score).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+
+    /// A take of `frames` frames: the person opens the mouth twice as far as the model, and smiles where the second
+    /// feature is high, which the model does not.
+    fn lesson(frames: usize, lag: usize) -> Lesson {
+        let wave = |t: usize, rate: f32| (t as f32 * rate).sin();
+        let features = Array2::from_shape_fn((frames, 3), |(t, c)| wave(t, [0.5, 0.13, 0.029][c]));
+        let mut model = Array3::zeros((frames, 68, 3));
+        let mut captured = Array3::zeros((frames + lag, 68, 3));
+        for t in 0..frames {
+            let (open, wide) = (0.003 * features[[t, 0]], 0.004 * features[[t, 1]]);
+            model[[t, 66, 1]] = -open;
+            captured[[t + lag, 66, 1]] = -2.0 * open + 0.01;
+            captured[[t + lag, 54, 0]] = wide;
+        }
+        let clip = |displacements| LandmarkClip {
+            displacements,
+            fps: 25.0,
+        };
+        Lesson {
+            name: "take".into(),
+            features,
+            model: clip(model),
+            captured: clip(captured),
+            speaks: vec![true; frames],
+        }
+    }
+
+    #[test]
+    fn a_person_is_learned_with_lag_and_rest_taken_off() {
+        let learned = learn("ear", vec![lesson(300, 3)]).unwrap();
+        assert_eq!(learned.card().takes[0].lag_s, 3.0 / 25.0);
+        let score = |name: &str| {
+            learned
+                .card()
+                .scores
+                .iter()
+                .find(|score| score.name == name)
+                .unwrap()
+        };
+        assert!(
+            score("gap").r > 0.99 && (score("gap").slope - 1.0).abs() < 0.1,
+            "{:?}",
+            score("gap")
+        );
+        assert!(
+            score("width").r > 0.98 && score("width").r_without.abs() < 0.1,
+            "{:?}",
+            score("width")
+        );
+        let other = lesson(120, 0);
+        let mut moved = other.model.displacements.clone();
+        learned
+            .add_to(moved.view_mut(), (other.features.view(), "ear"), 1.0)
+            .unwrap();
+        let wide = moved[[60, 54, 0]] - moved[[0, 54, 0]];
+        let expected =
+            other.captured.displacements[[60, 54, 0]] - other.captured.displacements[[0, 54, 0]];
+        assert!((wide - expected).abs() < 4e-4, "{wide} {expected}");
+        assert!((moved[[60, 66, 1]] - 2.0 * other.model.displacements[[60, 66, 1]]).abs() < 6e-4);
+        assert!(
+            learned
+                .add_to(moved.view_mut(), (other.features.view(), "hubert"), 1.0)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn a_file_gives_the_same_performer_and_damage_is_told() {
+        let learned = learn("ear", vec![lesson(300, 0)]).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.performer");
+        learned.write(&path).unwrap();
+        assert_eq!(Performer::read(&path).unwrap(), learned);
+        let bytes = std::fs::read(&path).unwrap();
+        for length in (0..bytes.len()).step_by(97) {
+            assert!(Performer::from_bytes(&bytes[..length]).is_err(), "{length}");
+        }
+        std::fs::write(&path, b"performer").unwrap();
+        let error = Performer::read(&path).unwrap_err().to_string();
+        assert!(error.contains("performer learn"), "{error}");
+    }
+
+    #[test]
+    fn takes_that_teach_nothing_are_refused_with_the_reason() {
+        let refusal = |change: fn(&mut Lesson)| {
+            let mut taken = lesson(300, 0);
+            change(&mut taken);
+            learn("ear", vec![taken]).unwrap_err().to_string()
+        };
+        for (change, reason) in [
+            (
+                (|take| take.captured.displacements.fill(0.0)) as fn(&mut Lesson),
+                "got lips that part by 0.00 mm",
+            ),
+            (
+                |take| take.captured.displacements.invert_axis(Axis(0)),
+                "says what is heard",
+            ),
+            (|take| take.speaks.fill(false), "3 s of speech"),
+            (
+                |take| take.captured = take.model.clone(),
+                "follows better than the model",
+            ),
+        ] {
+            let error = refusal(change);
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+}
