@@ -21,6 +21,7 @@ from .native_head import HeadCalls
 from .native_live import LiveCalls
 from .native_mesh import MeshCalls
 from .native_opening import OpeningCalls
+from .native_performers import PerformerCalls
 from .native_shapes import Clip, ShapeCalls
 from .native_sounds import SoundCalls
 from .take import (
@@ -51,6 +52,7 @@ class Engine(
     LiveCalls,
     MeshCalls,
     OpeningCalls,
+    PerformerCalls,
     ShapeCalls,
     SoundCalls,
 ):

@@ -34,6 +34,7 @@ mod motion_weights;
 mod numbers;
 mod opened_face;
 mod options;
+mod performer;
 mod progress;
 mod request;
 mod rig;

@@ -1,10 +1,8 @@
 //! `anyface performer`: one person's own mouth, learned from a few seconds of that person's face.
 
 use anyface::{
-    CapturedTake, Error, Result,
-    audio::Waveform,
+    Error, Result,
     motion::performer::{AspectScore, PerformerCard},
-    output::read_captured_face,
 };
 use clap::{Args, Subcommand};
 
@@ -55,11 +53,7 @@ impl Learn {
         let engine = shared.engine()?;
         let mut takes = Vec::new();
         for (audio, motion) in self.audio.iter().zip(&self.motion) {
-            takes.push(CapturedTake {
-                name: shown(motion),
-                sound: Waveform::from_file(audio)?,
-                motion: engine.landmarks_of(&read_captured_face(motion)?)?,
-            });
+            takes.push(engine.captured_take(audio, motion)?);
         }
         let performer = engine.learn_performer(&takes, &|p| console.progress(p))?;
         performer.write(&self.out)?;

@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from conftest import HEAD, RATE_HZ, spoken
+from conftest import HEAD, RATE_HZ, spoken, write_wav
 
 
 @pytest.fixture(scope="module")
@@ -223,3 +223,24 @@ def test_the_library_refuses_a_mesh_in_its_own_words(anyface):
     with pytest.raises(anyface.AnyfaceError, match=words) as caught:
         anyface.find_landmarks(grain)
     assert caught.value.kind == "mesh"
+
+
+def test_a_performer_is_learned_from_files_and_shown(anyface, mesh, tmp_path):
+    samples = spoken(8.0)
+    sound, motion, out = tmp_path / "a.wav", tmp_path / "a.npz", tmp_path / "kim.performer"
+    write_wav(sound, samples)
+    plain = {"emotion": "off", "fps": 25.0}
+    still = {"blinks": 0.0, "noise": 0.0}
+    person = anyface.animate(mesh, sound, controls=still | {"width": 2.0, "jaw": 1.6}, **plain)
+    # In the units of the mesh, which its landmarks at rest tell.
+    np.savez(motion, landmark_displacements=person.landmark_displacements, fps=25.0,
+             landmarks_neutral=person.landmarks)  # fmt: skip
+    card = anyface.learn_performer([(sound, motion)], out)
+    scores = {score["name"]: score for score in card["scores"]}
+    assert scores["width"]["r"] > scores["width"]["r_without"] - 0.05 and card["encoder"]
+    kim = anyface.animate(mesh, sound, controls=still, performer=out, **plain)
+    alone = anyface.animate(mesh, sound, controls=still, **plain)
+    width = [np.ptp(clip.landmark_displacements[:, 54, 0]) for clip in (kim, alone)]
+    assert width[0] > 1.05 * width[1]
+    with pytest.raises(anyface.AnyfaceError, match="pairs of files|No such file"):
+        anyface.learn_performer([(sound, tmp_path / "gone.npz")], out)

@@ -23,7 +23,7 @@ from .core.systems import known as systems
 from .core.take import Found, Rig
 from .core.weight_stream import Frame
 from .stream import Stream
-from .talking import animate, find_landmarks, make_rig
+from .talking import animate, find_landmarks, learn_performer, make_rig
 
 __version__ = version("anyface")
 
@@ -45,6 +45,7 @@ __all__ = [
     "Weights",
     "animate",
     "find_landmarks",
+    "learn_performer",
     "make_rig",
     "microphones",
     "systems",

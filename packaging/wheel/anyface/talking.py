@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +84,29 @@ def animate(
             oriented.write_take(*arrays, *points, None, animation.clip, os.fspath(out), watch)
         solved = _solved(oriented, arrays, points, animation, watch) if weights else None
         return _clip(request.fps, arrays, animation, solved)
+
+    return _run(work, progress, cancel)
+
+
+def learn_performer(
+    takes: Sequence[tuple[str | os.PathLike[str], str | os.PathLike[str]]],
+    out: str | os.PathLike[str],
+    *,
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+    cancel: Cancel | None = None,
+) -> dict[str, Any]:
+    """Learns how a person speaks, and writes a file for `animate(…, performer=out)`.
+
+    `takes` are pairs of files: a sound, and the motion of the face that spoke it, from the start of
+    the sound on: a .csv of Live Link Face, or an .npz of landmarks or weights. Fifteen seconds or
+    more in all. Returns the card of the performer: how well it follows the person on parts that were
+    left out, with and without it.
+    """
+    learner = engine or built_in()
+
+    def work(watch: Watch) -> dict[str, Any]:
+        return learner.learn_performer(takes, os.fspath(out), watch)
 
     return _run(work, progress, cancel)
 

@@ -1,5 +1,7 @@
 //! Learns performers: what one person's mouth does differently.
 
+use std::path::Path;
+
 use super::Engine;
 use crate::{
     Result,
@@ -9,6 +11,7 @@ use crate::{
         LandmarkClip, Performer,
         performer::{Lesson, learn},
     },
+    output::read_captured_face,
     systems::Ability,
 };
 
@@ -47,6 +50,19 @@ impl Engine {
                 lessons.push(self.lesson(take, &share)?);
             }
             learn(self.encoder.get()?.name(), lessons)
+        })
+    }
+
+    /// Reads a sound, and the motion of the face that spoke it ([`read_captured_face`]). The take is named after
+    /// the motion's file.
+    ///
+    /// # Errors
+    /// Those of [`Waveform::from_file`] and [`read_captured_face`].
+    pub fn captured_take(&self, sound: &Path, motion: &Path) -> Result<CapturedTake> {
+        Ok(CapturedTake {
+            name: motion.display().to_string(),
+            sound: Waveform::from_file(sound)?,
+            motion: self.landmarks_of(&read_captured_face(motion)?)?,
         })
     }
 
