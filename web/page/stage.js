@@ -1,8 +1,7 @@
 // The head on the screen. All heads stand in the axes of a face: metres, x to its left, y up, z to the front.
 import { coloured } from "./colours.js";
 import {
-  BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, GLTFLoader, Group, HemisphereLight, Matrix3,
-  Matrix4, Mesh, MeshStandardMaterial, OrbitControls, PerspectiveCamera, Scene, SRGBColorSpace, TextureLoader, Vector3,
+  BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, GLTFLoader, Group, HemisphereLight, Mesh, MeshStandardMaterial, OrbitControls, PerspectiveCamera, Scene, SRGBColorSpace, TextureLoader, Vector3,
   WebGLRenderer,
 } from "./three.js";
 
@@ -134,7 +133,7 @@ function plain(head) {
 }
 
 /** A GLB as its author made it; each primitive moves by its own vertices. */
-async function glb({ parts, places }, file) {
+async function glb({ parts }, file) {
   const loader = new GLTFLoader();
   // Pictures as elements: fetching them, as the loader does, is what this page forbids.
   loader.register((parser) => {
@@ -153,12 +152,12 @@ async function glb({ parts, places }, file) {
       const own = numbers(object);
       return own.meshes === mesh && (own.primitives ?? 0) === primitive && shows(object, node);
     });
-    if (object) found.push(part(object, [first, end], places.slice(16 * p, 16 * p + 16)));
+    if (object) found.push(part(object, [first, end]));
   }
   return { scene: gltf.scene, parts: found, isSkinned: meshes.some((mesh) => mesh.isSkinnedMesh) };
 }
 
-function part(object, [first, end], place) {
+function part(object, [first, end]) {
   // Primitives may share their arrays, and each moves by its own part of the mesh.
   const geometry = object.geometry.clone();
   const rest = new Float32Array(3 * (end - first));
@@ -168,15 +167,9 @@ function part(object, [first, end], place) {
   geometry.setAttribute("position", now);
   object.geometry = geometry;
   object.frustumCulled = false;
-  const [a, b, c, d, e, f, g, h, i] = new Matrix3().setFromMatrix4(new Matrix4().fromArray(place)).invert().elements;
   const move = (moved) => {
     const to = now.array;
-    for (let v = 0, m = 3 * first; v < to.length; v += 3, m += 3) {
-      const x = moved[m], y = moved[m + 1], z = moved[m + 2];
-      to[v] = rest[v] + a * x + d * y + g * z;
-      to[v + 1] = rest[v + 1] + b * x + e * y + h * z;
-      to[v + 2] = rest[v + 2] + c * x + f * y + i * z;
-    }
+    for (let v = 0, m = 3 * first; v < to.length; v++, m++) to[v] = rest[v] + moved[m];
     now.needsUpdate = true;
   };
   return { geometry, move };

@@ -17,7 +17,7 @@ const kinds = {
     face = found;
     return {
       positions: face.positions(), triangles: face.triangles(), place: face.place(), notes: face.notes(),
-      parts: face.glbParts(), places: face.glbPlaces(), roles: face.roles(), pieces: face.parts(),
+      parts: face.glbParts(), roles: face.roles(), pieces: face.parts(),
     };
   },
   speak({ samples, emotion }) {
@@ -29,7 +29,7 @@ const kinds = {
   },
   frame({ number }) {
     const began = performance.now();
-    const moved = engine.clipFrame(face, clip, number);
+    const moved = face.storedDisplacements(engine.clipFrame(face, clip, number));
     return { moved, head: clip.head(number), took: performance.now() - began };
   },
   event({ text }) {
@@ -52,8 +52,9 @@ const kinds = {
     live.push(samples);
     for (;;) {
       const began = performance.now();
-      const moved = engine.liveFrame(face, live);
-      if (!moved) return;
+      const shown = engine.liveFrame(face, live);
+      if (!shown) return;
+      const moved = face.storedDisplacements(shown);
       const message = { live: { moved, head: live.head(), took: performance.now() - began } };
       postMessage(message, [moved.buffer]);
     }

@@ -74,8 +74,23 @@ impl Face {
         self.parts.iter().flat_map(numbers).collect()
     }
 
+    /// Displacements `[V * 3]` as those of the positions that a GLB stores, which nodes and skins
+    /// then turn and scale. Those of other files stay as they are.
+    #[wasm_bindgen(js_name = storedDisplacements)]
+    pub fn stored_displacements(&self, mut displacements: Vec<f32>) -> Vec<f32> {
+        let (all, _) = displacements.as_chunks_mut::<3>();
+        for part in &self.parts {
+            for vertex in part.vertices.clone() {
+                if let Some(displacement) = all.get_mut(vertex) {
+                    *displacement = part.stored_displacement(vertex, *displacement);
+                }
+            }
+        }
+        displacements
+    }
+
     /// Transforms by which the nodes of a GLB place its parts in the scene: matrices of four
-    /// columns, `[P * 16]`.
+    /// columns, `[P * 16]`; the identity where each vertex has its own.
     #[wasm_bindgen(js_name = glbPlaces)]
     pub fn glb_places(&self) -> Vec<f32> {
         let places = self.parts.iter().map(|part| part.placed.as_flattened());

@@ -11,6 +11,9 @@ use base64::{
 use super::document::{Accessor, Document, SparsePart, missing, refusal};
 use crate::{Error, Result};
 
+/// The component type of floats.
+const FLOATS: u32 = 5126;
+
 /// How one number is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Component {
@@ -30,7 +33,7 @@ impl Component {
             5122 => Component::I16,
             5123 => Component::U16,
             5125 => Component::U32,
-            5126 => Component::F32,
+            FLOATS => Component::F32,
             _ => return Err(refusal(format!("expected a component type, got {code}"))),
         })
     }
@@ -156,6 +159,39 @@ impl<'a> Data<'a> {
             std::array::from_fn(|i| component.number(&bytes[i * size..], accessor.normalized))
         };
         self.elements(number, 3 * size, [0.0; 3], element)
+    }
+
+    /// Reads matrices of four columns.
+    pub(super) fn matrices(&self, number: usize) -> Result<Vec<[[f32; 4]; 4]>> {
+        let accessor = self.accessor(number)?;
+        if (accessor.kind.as_str(), accessor.component_type) != ("MAT4", FLOATS) {
+            return Err(refusal(format!(
+                "expected inverse bind matrices of MAT4 and floats, got {} and component type {}",
+                accessor.kind, accessor.component_type
+            )));
+        }
+        let number_at = |bytes: &[u8], i: usize| Component::F32.number(&bytes[4 * i..], false);
+        let element = |bytes: &[u8]| -> [[f32; 4]; 4] {
+            std::array::from_fn(|c| std::array::from_fn(|r| number_at(bytes, 4 * c + r)))
+        };
+        self.elements(number, 64, [[0.0; 4]; 4], element)
+    }
+
+    /// Reads four numbers for each vertex: joints, or weights of joints.
+    pub(super) fn fours(&self, number: usize) -> Result<Vec<[f32; 4]>> {
+        let accessor = self.accessor(number)?;
+        let component = Component::of(accessor.component_type)?;
+        if accessor.kind != "VEC4" {
+            return Err(refusal(format!(
+                "expected joints and weights of VEC4, got {}",
+                accessor.kind
+            )));
+        }
+        let size = component.size();
+        let element = |bytes: &[u8]| -> [f32; 4] {
+            std::array::from_fn(|i| component.number(&bytes[i * size..], accessor.normalized))
+        };
+        self.elements(number, 4 * size, [0.0; 4], element)
     }
 
     /// Reads vertex numbers of 8, 16 or 32 bits.

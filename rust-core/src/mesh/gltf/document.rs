@@ -1,5 +1,7 @@
 //! The parts of a glTF description that place triangles. All other parts are ignored.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 
 use crate::Error;
@@ -15,6 +17,8 @@ pub(super) struct Document {
     pub nodes: Vec<Node>,
     #[serde(default)]
     pub meshes: Vec<Shapes>,
+    #[serde(default)]
+    pub skins: Vec<Skin>,
     #[serde(default)]
     pub accessors: Vec<Accessor>,
     #[serde(default)]
@@ -48,6 +52,15 @@ pub(super) struct Node {
 }
 
 #[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Skin {
+    /// Accessor of a matrix for each joint; the identity if there is none.
+    pub inverse_bind_matrices: Option<usize>,
+    /// Numbers of nodes.
+    pub joints: Vec<usize>,
+}
+
+#[derive(Deserialize)]
 pub(super) struct Shapes {
     #[serde(default)]
     pub primitives: Vec<Primitive>,
@@ -55,7 +68,8 @@ pub(super) struct Shapes {
 
 #[derive(Deserialize)]
 pub(super) struct Primitive {
-    pub attributes: Attributes,
+    /// Accessor of each attribute.
+    pub attributes: BTreeMap<String, usize>,
     pub indices: Option<usize>,
     /// 4: triangles, 5: a strip, 6: a fan.
     #[serde(default = "triangles")]
@@ -64,12 +78,6 @@ pub(super) struct Primitive {
 
 fn triangles() -> u32 {
     4
-}
-
-#[derive(Deserialize)]
-pub(super) struct Attributes {
-    #[serde(rename = "POSITION")]
-    pub positions: Option<usize>,
 }
 
 #[derive(Deserialize)]

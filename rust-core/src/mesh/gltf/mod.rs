@@ -7,20 +7,25 @@
 
 mod accessor;
 mod document;
+mod matrix;
+mod skin;
 
 use std::ops::Range;
 
 use accessor::Data;
 use document::{Document, Node, Primitive, missing, refusal};
+use glam::{DMat3, DVec3};
+use matrix::{IDENTITY, Matrix, apply, matrix, product};
+use skin::{Blend, Skins};
 
 use super::Mesh;
 use crate::{Result, job::check_json};
 
-type Matrix = [[f32; 4]; 4];
-
 /// A file may give this many vertices and corners in addition to four for each of its bytes. Nodes
 /// that show one mesh several times need them.
 const SHOWN_AGAIN: usize = 4_000_000;
+/// A skinned vertex, which needs a transform of its own, counts as this many more.
+const SKINNED: usize = 3;
 /// Largest JSON that is read, bytes. The data is separate.
 const LARGEST_JSON: usize = 64 << 20;
 /// The marks of the two kinds of chunks.
@@ -47,14 +52,37 @@ pub struct GlbPart {
     pub primitive: usize,
     /// Numbers of its vertices in the mesh that was read.
     pub vertices: Range<usize>,
-    /// Transform from the mesh into the scene, in columns; the identity for a skinned mesh.
+    /// Transform from the mesh into the scene, in columns; the identity if each vertex has its own.
     pub placed: [[f32; 4]; 4],
+    /// `[V]` for a skinned primitive whose vertices follow several joints: how each turns and
+    /// scales displacements, in columns. Otherwise empty.
+    pub blends: Vec<[[f32; 3]; 3]>,
+}
+
+impl GlbPart {
+    /// The displacement of a vertex's stored position that shows as `displacement` in the scene. It
+    /// is 0 where the file lets no displacement show. `vertex`: its number in the mesh that was
+    /// read.
+    pub fn stored_displacement(&self, vertex: usize, displacement: [f32; 3]) -> [f32; 3] {
+        let [a, b, c] = match self.blends.get(vertex - self.vertices.start) {
+            Some(blend) => *blend,
+            None => [0, 1, 2].map(|c| [0, 1, 2].map(|r| self.placed[c][r])),
+        };
+        let column = |column: [f32; 3]| DVec3::from_array(column.map(f64::from));
+        let shown = DMat3::from_cols(column(a), column(b), column(c));
+        if shown.determinant().abs() > 0.0 {
+            let stored = shown.inverse() * DVec3::from_array(displacement.map(f64::from));
+            stored.as_vec3().to_array()
+        } else {
+            [0.0; 3]
+        }
+    }
 }
 
 /// Reads every mesh of the default scene, one after the other, each moved by its node.
 ///
-/// A skinned mesh stays in its bind pose: the format ignores its node's transform. Triangles,
-/// strips and fans are read, lines and points are skipped.
+/// A skinned mesh is moved by its joints as they stand at rest instead, as the format demands.
+/// Triangles, strips and fans are read, lines and points are skipped.
 pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
     Ok(read(bytes)?.0)
 }
@@ -92,6 +120,7 @@ fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
     let mut reading = Reading {
         mesh: Mesh::default(),
         parts: Vec::new(),
+        skins: Skins::new(&document),
         data,
         budget: SHOWN_AGAIN.saturating_add(bytes.len().saturating_mul(4)),
     };
@@ -142,6 +171,7 @@ pub(crate) fn glb_chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
 struct Reading<'a> {
     mesh: Mesh,
     parts: Vec<GlbPart>,
+    skins: Skins,
     data: Data<'a>,
     /// Vertices and corners that may still be added.
     budget: usize,
@@ -186,34 +216,63 @@ impl Reading<'_> {
         let Some(document_mesh) = document.meshes.get(mesh) else {
             return Err(missing("mesh", mesh, document.meshes.len()));
         };
-        let placed = match node.skin {
-            Some(_) => IDENTITY,
-            None => placed,
-        };
         for (k, primitive) in document_mesh.primitives.iter().enumerate() {
             let first = self.mesh.positions.len();
-            self.add_primitive(primitive, placed)?;
+            let (placed, blends) = match self.add_primitive(primitive, (node.skin, placed))? {
+                Blend::Whole(placed) => (placed, Vec::new()),
+                Blend::Vertices(blends) => {
+                    let turns = blends
+                        .iter()
+                        .map(|[a, b, c, _]| [a, b, c].map(|m| [m[0], m[1], m[2]]));
+                    (IDENTITY, turns.collect())
+                }
+            };
             self.parts.push(GlbPart {
                 node: number,
                 mesh,
                 primitive: k,
                 vertices: first..self.mesh.positions.len(),
                 placed,
+                blends,
             });
         }
         Ok(())
     }
 
-    fn add_primitive(&mut self, primitive: &Primitive, placed: Matrix) -> Result<()> {
-        let (Some(positions), 4..=6) = (primitive.attributes.positions, primitive.mode) else {
-            return Ok(());
+    /// Adds a primitive, and returns what placed its vertices.
+    fn add_primitive(
+        &mut self,
+        primitive: &Primitive,
+        (skin, placed): (Option<usize>, Matrix),
+    ) -> Result<Blend> {
+        let positions = primitive.attributes.get("POSITION");
+        let (Some(&positions), 4..=6) = (positions, primitive.mode) else {
+            return Ok(Blend::Whole(placed));
         };
         self.pay(self.data.count(positions)?)?;
         let positions = self.data.positions(positions)?;
         let first = self.mesh.positions.len();
         let vertex_count = positions.len();
-        let place = |p: [f32; 3]| apply(placed, p);
-        self.mesh.positions.extend(positions.into_iter().map(place));
+        let blend = match skin {
+            None => Blend::Whole(placed),
+            Some(skin) => {
+                let joints = self
+                    .data
+                    .document
+                    .skins
+                    .get(skin)
+                    .map_or(0, |s| s.joints.len());
+                self.pay(joints.saturating_add(SKINNED.saturating_mul(vertex_count)))?;
+                let of = (primitive, vertex_count);
+                self.skins.blend(&self.data, skin, of)?
+            }
+        };
+        let place = |(v, p): (usize, [f32; 3])| match &blend {
+            Blend::Whole(placed) => apply(*placed, p),
+            Blend::Vertices(blends) => apply(blends[v], p),
+        };
+        let places = positions.into_iter().enumerate().map(place);
+        self.mesh.positions.extend(places);
         let corners: Vec<u32> = match primitive.indices {
             Some(indices) => {
                 self.pay(self.data.count(indices)?)?;
@@ -241,7 +300,7 @@ impl Reading<'_> {
             }),
             _ => (2..corners.len()).for_each(|i| add([corners[0], corners[i - 1], corners[i]])),
         }
-        Ok(())
+        Ok(blend)
     }
 
     fn pay(&mut self, count: usize) -> Result<()> {
@@ -255,55 +314,6 @@ impl Reading<'_> {
             Err(_) => Err(refusal("expected fewer than 4294967296 vertices".into())),
         }
     }
-}
-
-const IDENTITY: Matrix = [
-    [1.0, 0.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0, 0.0],
-    [0.0, 0.0, 1.0, 0.0],
-    [0.0, 0.0, 0.0, 1.0],
-];
-
-/// A node's transform, in columns: scale, then rotation, then translation.
-fn matrix(node: &Node) -> Matrix {
-    if let Some(m) = &node.matrix {
-        return std::array::from_fn(|c| std::array::from_fn(|r| m[4 * c + r]));
-    }
-    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let [sx, sy, sz] = node.scale.unwrap_or([1.0; 3]);
-    let [tx, ty, tz] = node.translation.unwrap_or([0.0; 3]);
-    let columns = [
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y + z * w),
-            2.0 * (x * z - y * w),
-        ],
-        [
-            2.0 * (x * y - z * w),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z + x * w),
-        ],
-        [
-            2.0 * (x * z + y * w),
-            2.0 * (y * z - x * w),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ];
-    let scaled = |column: [f32; 3], s: f32| [column[0] * s, column[1] * s, column[2] * s, 0.0];
-    [
-        scaled(columns[0], sx),
-        scaled(columns[1], sy),
-        scaled(columns[2], sz),
-        [tx, ty, tz, 1.0],
-    ]
-}
-
-fn apply(m: Matrix, p: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| m[0][i] * p[0] + m[1][i] * p[1] + m[2][i] * p[2] + m[3][i])
-}
-
-fn product(a: Matrix, b: Matrix) -> Matrix {
-    std::array::from_fn(|c| std::array::from_fn(|r| (0..4).map(|k| a[k][r] * b[c][k]).sum()))
 }
 
 #[cfg(test)]

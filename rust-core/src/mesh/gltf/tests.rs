@@ -90,6 +90,125 @@ fn rotations_and_matrices_place_alike() {
     assert_eq!(b.positions[1], [0.0, 2.0, 1.0]);
 }
 
+/// The triangle on a skin of two joints, nodes 1 and 2. `binds`: what the joints' inverse bind
+/// matrices scale by and move by. `weights`: share of the first joint for each vertex.
+fn skinned(nodes: &str, binds: [(f32, [f32; 3]); 2], weights: [f32; 3]) -> Vec<u8> {
+    let mut data = data();
+    for (s, [x, y, z]) in binds {
+        let matrix = [
+            [s, 0.0, 0.0, 0.0],
+            [0.0, s, 0.0, 0.0],
+            [0.0, 0.0, s, 0.0],
+            [x, y, z, 1.0],
+        ];
+        data.extend(matrix.iter().flatten().flat_map(|x| x.to_le_bytes()));
+    }
+    data.extend([0, 1, 0, 0].repeat(3));
+    let weights = weights.map(|first| [first, 1.0 - first, 0.0, 0.0]);
+    data.extend(weights.iter().flatten().flat_map(|x| x.to_le_bytes()));
+    let view = |at: usize, length: usize| {
+        format!(r#"{{"buffer":0,"byteOffset":{at},"byteLength":{length}}}"#)
+    };
+    let json = description(NODES, nodes)
+        .replace(r#""nodes":[0]"#, r#""nodes":[0,1,3]"#)
+        .replace(
+            r#"{"POSITION":0}"#,
+            r#"{"POSITION":0,"JOINTS_0":3,"WEIGHTS_0":4}"#,
+        )
+        .replace(
+            r#""bufferViews":["#,
+            r#""skins":[{"joints":[1,2],"inverseBindMatrices":2}],"bufferViews":["#,
+        )
+        .replace(
+            r#""byteLength":6}"#,
+            &format!(
+                r#""byteLength":6}},{},{},{}"#,
+                view(44, 128),
+                view(172, 12),
+                view(184, 48)
+            ),
+        )
+        .replace(
+            r#""type":"SCALAR"}"#,
+            r#""type":"SCALAR"},
+               {"bufferView":2,"componentType":5126,"count":2,"type":"MAT4"},
+               {"bufferView":3,"componentType":5121,"count":3,"type":"VEC4"},
+               {"bufferView":4,"componentType":5126,"count":3,"type":"VEC4"}"#,
+        );
+    glb(&json, &data)
+}
+
+/// The first joint stands under an armature of scale .01 and mirrors x, the second moves up.
+const BONES: &str = r#"[{"mesh":0,"skin":0,"translation":[9,9,9]},{"scale":[0.01,0.01,0.01],"children":[2]},
+    {"translation":[0,100,0]},{"children":[]}]"#;
+
+#[test]
+fn a_skinned_mesh_stands_where_its_joints_put_it() {
+    // The inverse bind matrices undo the armature's scale, and lift the first joint's vertices.
+    let binds = [(100.0, [0.0, 50.0, 0.0]), (100.0, [0.0, 0.0, 0.0])];
+    let file = skinned(BONES, binds, [1.0, 0.0, 0.5]);
+    let mesh = parse_glb(&file).unwrap();
+    let expected = [[0.0, 0.5, 0.0], [1.0, 1.0, 0.0], [0.0, 1.75, 0.0]];
+    for (p, q) in mesh
+        .positions
+        .iter()
+        .flatten()
+        .zip(expected.iter().flatten())
+    {
+        assert!((p - q).abs() < 1e-6, "{:?}", mesh.positions);
+    }
+    let mirrored = BONES.replace("\"scale\":[0.01", "\"scale\":[-0.01");
+    let mesh = parse_glb(&skinned(&mirrored, binds, [1.0; 3])).unwrap();
+    assert!(
+        (mesh.positions[1][0] + 1.0).abs() < 1e-6,
+        "{:?}",
+        mesh.positions
+    );
+}
+
+#[test]
+fn what_shows_of_a_stored_displacement_was_meant() {
+    let binds = [(50.0, [0.0; 3]), (200.0, [0.0; 3])];
+    let mirrored = BONES.replace("\"scale\":[0.01", "\"scale\":[-0.01");
+    let part = &glb_parts(&skinned(&mirrored, binds, [1.0, 0.0, 0.5])).unwrap()[0];
+    // The joints scale by .5 and by 2, and mirror x.
+    for (v, scale) in [(0, 0.5), (1, 2.0), (2, 1.25)] {
+        let stored = part.stored_displacement(v, [scale, scale, 0.0]);
+        assert!(
+            (stored[0] + 1.0).abs() < 1e-6 && (stored[1] - 1.0).abs() < 1e-6,
+            "{v}: {stored:?}"
+        );
+    }
+}
+
+#[test]
+fn joints_at_rest_leave_positions_to_the_bit() {
+    let almost = [
+        (100.000_01, [0.0, 0.0, 0.0]),
+        (100.0, [0.0, -99.999_99, 0.0]),
+    ];
+    let mesh = parse_glb(&skinned(BONES, almost, [0.3, 0.7, 0.1])).unwrap();
+    assert_eq!(mesh.positions, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+}
+
+#[test]
+fn skins_without_their_joints_are_refused() {
+    let binds = [(100.0, [0.0; 3]), (1.0, [0.0; 3])];
+    for (from, to) in [
+        (r#""skin":0"#, r#""skin":5"#),
+        (r#""joints":[1,2]"#, r#""joints":[]"#),
+        (r#""joints":[1,2]"#, r#""joints":[1,9]"#),
+        (r#""joints":[1,2]"#, r#""joints":[1,2,2]"#),
+        ("MAT4", "MAT3"),
+    ] {
+        let file = skinned(BONES, binds, [0.5; 3]);
+        let (json, data) = glb_chunks(&file).unwrap();
+        let json = String::from_utf8_lossy(json);
+        assert!(json.contains(from), "{from}");
+        refused(&glb(&json.replace(from, to), data));
+    }
+}
+
 #[test]
 fn damaged_files_are_errors() {
     let file = triangle();

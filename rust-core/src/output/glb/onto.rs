@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::{
@@ -260,25 +259,18 @@ fn within<'a>(shape: &'a Target, part: &GlbPart) -> &'a [(u32, [f32; 3])] {
     &shape.moved[at(part.vertices.start)..at(part.vertices.end)]
 }
 
-/// Makes the targets of one primitive of `count` vertices, in the axes and units of its node.
+/// Makes the targets of one primitive of `count` vertices, in the axes and units of its positions.
 fn add_targets(
     buffer: &mut Buffer,
     (part, count): (&GlbPart, usize),
     targets: &Targets,
     shapes: &[usize],
 ) -> Vec<Value> {
-    let column = |c: usize| DVec3::from_slice(&[0, 1, 2].map(|r| f64::from(part.placed[c][r])));
-    let placed = DMat3::from_cols(column(0), column(1), column(2));
-    let back = if placed.determinant().abs() > 0.0 {
-        placed.inverse()
-    } else {
-        DMat3::ZERO
-    };
     let mut added = Vec::new();
     for &k in shapes {
         let moved = within(&targets.shapes[k], part).iter().map(|(v, d)| {
-            let local = back * DVec3::from_slice(&d.map(f64::from));
-            (v - part.vertices.start as u32, local.as_vec3().to_array())
+            let stored = part.stored_displacement(*v as usize, *d);
+            (v - part.vertices.start as u32, stored)
         });
         let moved: Vec<_> = moved.collect();
         let accessor = buffer.displacements(count, &moved);

@@ -1,5 +1,6 @@
 use std::path::Path;
 
+use base64::{Engine as _, engine::general_purpose::STANDARD};
 use gltf::animation::util::ReadOutputs;
 use ndarray::Array3;
 use serde_json::{Value, json};
@@ -77,13 +78,17 @@ fn places(path: &Path) -> Vec<Vec<[f32; 3]>> {
     let (document, buffers, _) = gltf::import(path).unwrap();
     let mut frames = vec![Vec::new(); FRAMES];
     let scene = document.default_scene().unwrap();
+    let mut worlds = std::collections::BTreeMap::new();
     let mut left: Vec<_> = scene
         .nodes()
         .map(|node| (node, glam::Mat4::IDENTITY))
         .collect();
     while let Some((node, above)) = left.pop() {
         let placed = above * glam::Mat4::from_cols_array_2d(&node.transform().matrix());
+        worlds.insert(node.index(), placed);
         left.extend(node.children().map(|child| (child, placed)));
+    }
+    for node in document.nodes() {
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
             let rest: Vec<_> = reader.read_positions().unwrap().collect();
@@ -91,6 +96,22 @@ fn places(path: &Path) -> Vec<Vec<[f32; 3]>> {
                 .read_morph_targets()
                 .map(|(positions, ..)| positions.unwrap().collect())
                 .collect();
+            let joints: Vec<glam::Mat4> = node.skin().map_or(Vec::new(), |skin| {
+                let reader = skin.reader(|buffer| Some(&buffers[buffer.index()]));
+                let binds = reader.read_inverse_bind_matrices().unwrap();
+                let of = skin.joints().zip(binds);
+                of.map(|(joint, bind)| {
+                    worlds[&joint.index()] * glam::Mat4::from_cols_array_2d(&bind)
+                })
+                .collect()
+            });
+            let placed: Vec<glam::Mat4> = match reader.read_joints(0) {
+                None => vec![worlds[&node.index()]; rest.len()],
+                Some(numbers) => (numbers.into_u16())
+                    .zip(reader.read_weights(0).unwrap().into_f32())
+                    .map(|(n, w)| joints[n[0] as usize] * w[0] + joints[n[1] as usize] * w[1])
+                    .collect(),
+            };
             let weights = weights(&document, &buffers, node.index());
             for (t, frame) in frames.iter_mut().enumerate() {
                 frame.extend(rest.iter().enumerate().map(|(v, p)| {
@@ -98,7 +119,7 @@ fn places(path: &Path) -> Vec<Vec<[f32; 3]>> {
                     for (k, target) in targets.iter().enumerate() {
                         place += weights[t * targets.len() + k] * glam::Vec3::from(target[v]);
                     }
-                    placed.transform_point3(place).to_array()
+                    placed[v].transform_point3(place).to_array()
                 }));
             }
         }
@@ -403,6 +424,68 @@ fn a_glb_keeps_what_it_has() {
     assert_eq!(json["meshes"][0]["extras"]["targetNames"][1], "Anyface 1");
     let turning = json["scenes"][0]["nodes"][0].as_u64().unwrap() as usize;
     assert_eq!(json["nodes"][turning]["name"], "Head");
+}
+
+/// Each vertex of the strip follows two joints of different scales, one of which mirrors.
+#[test]
+fn a_skinned_mesh_moves_as_it_should_where_joints_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        let bytes = STANDARD.encode(skin_bytes());
+        let uri = format!("data:application/octet-stream;base64,{bytes}");
+        *added(document, "buffers") = json!({"byteLength": 320, "uri": uri});
+        *added(document, "bufferViews") = json!({"buffer": 1, "byteLength": 320});
+        let accessor = |at: usize, kind: &str, count: usize| json!({"bufferView": 2, "byteOffset": at, "componentType": 5126, "count": count, "type": kind});
+        *added(document, "accessors") = accessor(0, "MAT4", 2);
+        *added(document, "accessors") = accessor(128, "VEC4", 6);
+        *added(document, "accessors") = json!({"bufferView": 2, "byteOffset": 224, "componentType": 5123, "count": 6, "type": "VEC4"});
+        document["skins"] = json!([{"joints": [2, 3], "inverseBindMatrices": 4}]);
+        document["nodes"][1]["skin"] = json!(0);
+        *added(document, "nodes") =
+            json!({"scale": [0.01, 0.01, 0.01], "translation": [0.0, 0.1, 0.0]});
+        *added(document, "nodes") = json!({"scale": [-0.1, 0.1, 0.1]});
+        document["scenes"][0]["nodes"] = json!([0, 2, 3]);
+        let part = &mut document["meshes"][0]["primitives"][0];
+        part["attributes"] = json!({"POSITION": 7, "JOINTS_0": 6, "WEIGHTS_0": 5});
+        part["targets"] = json!([{"POSITION": 7}]);
+        document["accessors"][2]["count"] = json!(12);
+        document["meshes"][0]["primitives"]
+            .as_array_mut()
+            .unwrap()
+            .truncate(1);
+        *added(document, "accessors") = json!({"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3", "min": [0.0, -1.0, 0.0], "max": [1.0, 0.0, 1.0]});
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let displacements = write(&path, &mesh, &source, None).unwrap();
+    assert_moved(&places(&path), &mesh, &displacements);
+    assert!(mesh.positions[5][0] < 0.0, "{:?}", mesh.positions);
+}
+
+/// A new place at the end of a list of the document.
+fn added<'a>(document: &'a mut Value, list: &str) -> &'a mut Value {
+    let list = document[list].as_array_mut().unwrap();
+    list.push(Value::Null);
+    list.last_mut().unwrap()
+}
+
+/// Inverse bind matrices of two joints, weights of six vertices, and their joints.
+fn skin_bytes() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for scale in [20.0, 1.0] {
+        let bind = glam::Mat4::from_scale(glam::Vec3::splat(scale));
+        bytes.extend(bind.to_cols_array().iter().flat_map(|x| x.to_le_bytes()));
+    }
+    for v in 0..6 {
+        let second = 0.2 * v as f32;
+        let weights = [1.0 - second, second, 0.0, 0.0];
+        bytes.extend(weights.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    for _ in 0..6 {
+        bytes.extend([0u16, 1, 0, 0].iter().flat_map(|x| x.to_le_bytes()));
+    }
+    bytes.resize(320, 0);
+    bytes
 }
 
 #[test]
