@@ -1,6 +1,9 @@
 //! Reads numbers from a file's buffers. Checks each range against the available bytes.
 
-use std::borrow::Cow;
+use std::{
+    borrow::Cow,
+    cell::{Cell, OnceCell},
+};
 
 use base64::{
     Engine,
@@ -8,9 +11,15 @@ use base64::{
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
 
-use super::document::{Accessor, Document, SparsePart, missing, refusal};
+use super::{
+    document::{Accessor, Document, SparsePart, missing, refusal},
+    meshopt::Compression,
+};
 use crate::{Error, Result};
 
+/// Views that are decompressed may have this many bytes in addition to sixteen for each byte of
+/// the file.
+const DECOMPRESSED: usize = 256 << 20;
 /// The component type of floats.
 const FLOATS: u32 = 5126;
 
@@ -46,18 +55,30 @@ impl Component {
         }
     }
 
+    /// The number that stands for 1 where numbers are normalised.
+    fn most(self) -> f32 {
+        match self {
+            Component::I8 => 127.0,
+            Component::U8 => 255.0,
+            Component::I16 => 32767.0,
+            Component::U16 => 65535.0,
+            Component::U32 => u32::MAX as f32,
+            Component::F32 => 1.0,
+        }
+    }
+
     /// The first number in `bytes`, as stored or, if `normalized`, scaled to −1 … 1 or 0 … 1.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
-        let (value, most) = match self {
-            Component::I8 => (f32::from(bytes[0] as i8), 127.0),
-            Component::U8 => (f32::from(bytes[0]), 255.0),
-            Component::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
-            Component::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
-            Component::U32 => (self.index(bytes) as f32, u32::MAX as f32),
-            Component::F32 => (f32::from_bits(self.index(bytes)), 1.0),
+        let value = match self {
+            Component::I8 => f32::from(bytes[0] as i8),
+            Component::U8 => f32::from(bytes[0]),
+            Component::I16 => f32::from(i16::from_le_bytes([bytes[0], bytes[1]])),
+            Component::U16 => f32::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+            Component::U32 => self.index(bytes) as f32,
+            Component::F32 => f32::from_bits(self.index(bytes)),
         };
         if normalized && self != Component::F32 {
-            (value / most).max(-1.0)
+            (value / self.most()).max(-1.0)
         } else {
             value
         }
@@ -90,7 +111,11 @@ impl<'a> Elements<'a> {
 pub(super) struct Data<'a> {
     pub document: &'a Document,
     buffers: Vec<Option<Cow<'a, [u8]>>>,
-    /// Number of bytes in all buffers.
+    /// Bytes of each compressed view that was read, as they were before they were compressed.
+    decompressed: Vec<OnceCell<Vec<u8>>>,
+    /// Bytes that may still be decompressed.
+    budget: Cell<usize>,
+    /// Number of bytes in all buffers, and in all compressed views before they were compressed.
     total: usize,
 }
 
@@ -105,10 +130,20 @@ impl<'a> Data<'a> {
                 Some(uri) => embedded(uri)?.map(Cow::Owned),
             });
         }
-        let sizes = buffers.iter().flatten().map(|bytes| bytes.len());
+        let stored: usize = buffers.iter().flatten().map(|bytes| bytes.len()).sum();
+        let budget = stored.saturating_mul(16).saturating_add(DECOMPRESSED);
+        let views = document.buffer_views.iter();
+        let compressed = views.filter_map(|view| view.extensions.meshopt.as_ref());
+        let compressed = compressed.fold(0, |sum: usize, view| sum.saturating_add(view.size()));
         Ok(Data {
             document,
-            total: sizes.sum(),
+            decompressed: document
+                .buffer_views
+                .iter()
+                .map(|_| OnceCell::new())
+                .collect(),
+            budget: Cell::new(budget),
+            total: stored.saturating_add(compressed.min(budget)),
             buffers,
         })
     }
@@ -117,6 +152,22 @@ impl<'a> Data<'a> {
         let accessors = &self.document.accessors;
         let accessor = accessors.get(number);
         accessor.ok_or_else(|| missing("accessor", number, accessors.len()))
+    }
+
+    /// Number of elements that an accessor declares. It may be anything.
+    pub(super) fn declared_count(&self, number: usize) -> Result<usize> {
+        Ok(self.accessor(number)?.count)
+    }
+
+    /// What a stored number of an accessor is multiplied by.
+    pub(super) fn scale(&self, number: usize) -> Result<f32> {
+        let accessor = self.accessor(number)?;
+        let component = Component::of(accessor.component_type)?;
+        Ok(if accessor.normalized {
+            1.0 / component.most()
+        } else {
+            1.0
+        })
     }
 
     /// Number of elements of an accessor. Refuses more elements than the buffers have bytes.
@@ -251,46 +302,90 @@ impl<'a> Data<'a> {
 
     /// The range of `count` elements of `size` bytes in a view, if the view has all of them.
     fn range(&self, view: usize, offset: usize, count: usize, size: usize) -> Result<Elements<'_>> {
-        let views = &self.document.buffer_views;
-        let view = match views.get(view) {
-            Some(view) => view,
-            None => return Err(missing("buffer view", view, views.len())),
-        };
-        let buffer = match self.buffers.get(view.buffer) {
-            Some(Some(buffer)) => buffer,
-            Some(None) => return Err(elsewhere(self.document, view.buffer)),
-            None => return Err(missing("buffer", view.buffer, self.buffers.len())),
-        };
-        let stride = view.byte_stride.unwrap_or(size);
+        let (bytes, stride) = self.view(view)?;
+        let stride = stride.unwrap_or(size);
         if stride < size {
             return Err(refusal(format!(
-                "expected a stride of at least {size} bytes, got {stride}"
+                "expected elements of {size} bytes or more, got {stride}"
             )));
         }
-        let needed = match count.checked_sub(1) {
-            None => Some(0),
-            Some(last) => last.checked_mul(stride).and_then(|n| n.checked_add(size)),
+        let last = count.saturating_sub(1).saturating_mul(stride);
+        let length = if count == 0 {
+            0
+        } else {
+            last.saturating_add(size)
         };
-        let viewed = view
-            .byte_offset
-            .checked_add(view.byte_length)
-            .and_then(|end| buffer.get(view.byte_offset..end));
-        let span = viewed.and_then(|bytes| {
-            let end = offset.checked_add(needed?)?;
-            bytes.get(offset..end)
-        });
-        match span {
+        let range = offset
+            .checked_add(length)
+            .and_then(|end| bytes.get(offset..end));
+        match range {
             Some(bytes) => Ok(Elements {
                 bytes,
                 stride,
                 size,
             }),
             None => Err(refusal(format!(
-                "expected {count} elements of {size} bytes within a view of {}, got {} bytes of data",
-                view.byte_length,
-                buffer.len()
+                "expected {count} elements of {size} bytes within a view, got {} bytes of data",
+                bytes.len()
             ))),
         }
+    }
+
+    /// The bytes of a view, decompressed if need be, and their stride.
+    pub(super) fn view(&self, number: usize) -> Result<(&[u8], Option<usize>)> {
+        let views = &self.document.buffer_views;
+        let view = views.get(number);
+        let view = view.ok_or_else(|| missing("buffer view", number, views.len()))?;
+        let Some(compression) = &view.extensions.meshopt else {
+            let bytes = self.bytes(view.buffer, view.byte_offset, view.byte_length)?;
+            return Ok((bytes, view.byte_stride));
+        };
+        let place = &self.decompressed[number];
+        if place.get().is_none() {
+            let left = self.budget.get().checked_sub(compression.size());
+            let left = left.ok_or_else(|| {
+                refusal(
+                    "expected a few hundred MB of data at most, got more in compressed views"
+                        .into(),
+                )
+            })?;
+            self.budget.set(left);
+            let Compression {
+                buffer,
+                byte_offset,
+                byte_length,
+                ..
+            } = *compression;
+            let stream = self.bytes(buffer, byte_offset, byte_length)?;
+            let bytes = compression.decode(stream).ok_or_else(|| {
+                refusal(format!(
+                    "the compressed data of view {number} is damaged, or of a kind that is not for places \
+                     (EXT_meshopt_compression); write the file anew, or without compression by `npx \
+                     @gltf-transform/cli copy in.glb out.glb`"
+                ))
+            })?;
+            let _ = place.set(bytes);
+        }
+        let bytes = place.get().map_or(&[][..], Vec::as_slice);
+        Ok((bytes, Some(compression.byte_stride)))
+    }
+
+    /// A range of a buffer.
+    fn bytes(&self, buffer: usize, offset: usize, length: usize) -> Result<&[u8]> {
+        let bytes = match self.buffers.get(buffer) {
+            Some(Some(bytes)) => bytes,
+            Some(None) => return Err(elsewhere(self.document, buffer)),
+            None => return Err(missing("buffer", buffer, self.buffers.len())),
+        };
+        let range = offset
+            .checked_add(length)
+            .and_then(|end| bytes.get(offset..end));
+        range.ok_or_else(|| {
+            refusal(format!(
+                "expected a view of {length} bytes from {offset} on, got {} bytes of data",
+                bytes.len()
+            ))
+        })
     }
 }
 

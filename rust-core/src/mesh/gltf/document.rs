@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
+use super::meshopt::Compression;
 use crate::Error;
 
 #[derive(Deserialize)]
@@ -68,12 +69,29 @@ pub(super) struct Shapes {
 
 #[derive(Deserialize)]
 pub(super) struct Primitive {
+    #[serde(default)]
+    pub extensions: PrimitiveExtensions,
     /// Accessor of each attribute.
     pub attributes: BTreeMap<String, usize>,
     pub indices: Option<usize>,
     /// 4: triangles, 5: a strip, 6: a fan.
     #[serde(default = "triangles")]
     pub mode: u32,
+}
+
+#[derive(Deserialize, Default)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Draco>,
+}
+
+/// A primitive whose numbers are in a stream of Draco.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Draco {
+    pub buffer_view: usize,
+    /// Number of each attribute in the stream.
+    pub attributes: BTreeMap<String, u32>,
 }
 
 fn triangles() -> u32 {
@@ -121,6 +139,14 @@ pub(super) struct View {
     pub byte_offset: usize,
     pub byte_length: usize,
     pub byte_stride: Option<usize>,
+    #[serde(default)]
+    pub extensions: ViewExtensions,
+}
+
+#[derive(Deserialize, Default)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
+    pub meshopt: Option<Compression>,
 }
 
 #[derive(Deserialize)]

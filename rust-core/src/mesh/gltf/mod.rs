@@ -7,13 +7,16 @@
 
 mod accessor;
 mod document;
+mod draco;
 mod matrix;
+mod meshopt;
 mod skin;
 
 use std::ops::Range;
 
 use accessor::Data;
 use document::{Document, Node, Primitive, missing, refusal};
+use draco::Decoded;
 use glam::{DMat3, DVec3};
 use matrix::{IDENTITY, Matrix, apply, matrix, product};
 use skin::{Blend, Skins};
@@ -32,14 +35,18 @@ const LARGEST_JSON: usize = 64 << 20;
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
 
-/// How the names of extensions begin that a file may require: quantised positions, and extensions
-/// that change only the appearance.
-const UNDERSTOOD: [&str; 4] = [
+/// Extensions for vertices that are read, or that leave vertices where they are.
+const UNDERSTOOD: [&str; 6] = [
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_meshopt_compression",
+    "KHR_draco_mesh_compression",
     "KHR_mesh_quantization",
-    "KHR_lights_punctual",
-    "KHR_materials_",
-    "KHR_texture_",
+    "KHR_meshopt_compression",
 ];
+/// What the names of extensions contain that say where vertices lie. All others concern textures,
+/// materials, animations, avatars and so on, and a reader of meshes need not know them.
+const FOR_VERTICES: [&str; 3] = ["_mesh_", "_meshopt_", "compression"];
 
 /// A primitive of a node, and its vertices in the mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,13 +114,12 @@ fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
     check_json(json).map_err(|e| refusal(format!("its description: {e}")))?;
     let document: Document =
         serde_json::from_slice(json).map_err(|e| refusal(format!("its description: {e}")))?;
-    if let Some(unknown) = document
-        .extensions_required
-        .iter()
-        .find(|name| !UNDERSTOOD.iter().any(|known| name.starts_with(known)))
-    {
+    let for_vertices = |name: &&String| FOR_VERTICES.iter().any(|part| name.contains(part));
+    let mut required = document.extensions_required.iter().filter(for_vertices);
+    if let Some(unknown) = required.find(|name| !UNDERSTOOD.contains(&name.as_str())) {
         return Err(refusal(format!(
-            "the file needs the extension {unknown}, which Anyface does not read"
+            "the file needs the extension {unknown} for its vertices, which Anyface does not read; write it anew \
+             without that, as Blender does (Import → glTF 2.0, then Export → glTF 2.0)"
         )));
     }
     let data = Data::new(&document, binary)?;
@@ -249,22 +255,25 @@ impl Reading<'_> {
         let (Some(&positions), 4..=6) = (positions, primitive.mode) else {
             return Ok(Blend::Whole(placed));
         };
-        self.pay(self.data.count(positions)?)?;
-        let positions = self.data.positions(positions)?;
         let first = self.mesh.positions.len();
+        let draco = self.decode(primitive, positions)?;
+        let positions = match &draco {
+            Some(draco) => draco.attribute("POSITION").unwrap_or_default(),
+            None => {
+                self.pay(self.data.count(positions)?)?;
+                self.data.positions(positions)?
+            }
+        };
         let vertex_count = positions.len();
         let blend = match skin {
             None => Blend::Whole(placed),
             Some(skin) => {
-                let joints = self
-                    .data
-                    .document
-                    .skins
-                    .get(skin)
-                    .map_or(0, |s| s.joints.len());
+                let joints = self.data.document.skins.get(skin);
+                let joints = joints.map_or(0, |skin| skin.joints.len());
                 self.pay(joints.saturating_add(SKINNED.saturating_mul(vertex_count)))?;
-                let of = (primitive, vertex_count);
-                self.skins.blend(&self.data, skin, of)?
+                let attribute = |name: &str| self.fours(primitive, draco.as_ref(), name);
+                let of = (skin, vertex_count);
+                self.skins.blend(&self.data, of, attribute)?
             }
         };
         let place = |(v, p): (usize, [f32; 3])| match &blend {
@@ -273,12 +282,13 @@ impl Reading<'_> {
         };
         let places = positions.into_iter().enumerate().map(place);
         self.mesh.positions.extend(places);
-        let corners: Vec<u32> = match primitive.indices {
-            Some(indices) => {
+        let corners: Vec<u32> = match (&draco, primitive.indices) {
+            (Some(draco), _) => draco.corners(),
+            (None, Some(indices)) => {
                 self.pay(self.data.count(indices)?)?;
                 self.data.indices(indices)?
             }
-            None => (0..vertex_count as u32).collect(),
+            (None, None) => (0..vertex_count as u32).collect(),
         };
         if let Some(beyond) = corners.iter().find(|&&v| v as usize >= vertex_count) {
             return Err(refusal(format!(
@@ -290,6 +300,8 @@ impl Reading<'_> {
         };
         let (threes, _) = corners.as_chunks::<3>();
         match primitive.mode {
+            // A stream of Draco has triangles, whatever the primitive had.
+            _ if draco.is_some() => threes.iter().for_each(|t| add(*t)),
             4 => threes.iter().for_each(|t| add(*t)),
             // Every other triangle of a strip is turned. A triangle with a repeated corner is
             // skipped.
@@ -301,6 +313,50 @@ impl Reading<'_> {
             _ => (2..corners.len()).for_each(|i| add([corners[0], corners[i - 1], corners[i]])),
         }
         Ok(blend)
+    }
+
+    /// The numbers of a primitive that is compressed as a whole.
+    fn decode<'p>(
+        &mut self,
+        primitive: &'p Primitive,
+        positions: usize,
+    ) -> Result<Option<Decoded<'p>>> {
+        let Some(draco) = &primitive.extensions.draco else {
+            return Ok(None);
+        };
+        let draco = Decoded::new(&self.data, draco, self.budget)?;
+        let (count, expected) = (draco.vertex_count(), self.data.declared_count(positions)?);
+        if count != expected {
+            return Err(refusal(format!(
+                "expected {expected} vertices in the data of KHR_draco_mesh_compression, got {count}"
+            )));
+        }
+        self.pay(count)?;
+        Ok(Some(draco))
+    }
+
+    /// Four numbers of an attribute for each vertex; `None` if the primitive lacks it.
+    fn fours(
+        &self,
+        primitive: &Primitive,
+        draco: Option<&Decoded<'_>>,
+        name: &str,
+    ) -> Result<Option<Vec<[f32; 4]>>> {
+        let Some(&accessor) = primitive.attributes.get(name) else {
+            return Ok(None);
+        };
+        match draco.and_then(|draco| draco.attribute(name)) {
+            Some(fours) => {
+                let scale = self.data.scale(accessor)?;
+                Ok(Some(
+                    fours
+                        .into_iter()
+                        .map(|four| four.map(|x| scale * x))
+                        .collect(),
+                ))
+            }
+            None => self.data.fours(accessor).map(Some),
+        }
     }
 
     fn pay(&mut self, count: usize) -> Result<()> {

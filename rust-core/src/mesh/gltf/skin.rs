@@ -4,7 +4,7 @@ use glam::{DMat4, DVec4};
 
 use super::{
     accessor::Data,
-    document::{Document, Primitive, missing, refusal},
+    document::{Document, missing, refusal},
     matrix::{IDENTITY, Matrix, matrix},
 };
 use crate::Result;
@@ -35,12 +35,13 @@ impl Skins {
     }
 
     /// The transforms of a skinned primitive's `count` vertices: the mean of its joints' matrices,
-    /// each the joint's transform times its inverse bind matrix.
+    /// each the joint's transform times its inverse bind matrix. `attribute`: reads an attribute of
+    /// the primitive, if it has it.
     pub(super) fn blend(
         &self,
         data: &Data<'_>,
-        skin: usize,
-        (primitive, count): (&Primitive, usize),
+        (skin, count): (usize, usize),
+        attribute: impl Fn(&str) -> Result<Option<Vec<[f32; 4]>>>,
     ) -> Result<Blend> {
         let joints = self.joints(data, skin)?;
         let Some(first) = joints.first() else {
@@ -51,12 +52,13 @@ impl Skins {
         }
         let mut blends = vec![(DMat4::ZERO, 0.0); count];
         for set in 0.. {
-            let attribute = |name: &str| primitive.attributes.get(&format!("{name}_{set}"));
-            let (Some(&numbers), Some(&weights)) = (attribute("JOINTS"), attribute("WEIGHTS"))
-            else {
+            let (numbers, weights) = (
+                attribute(&format!("JOINTS_{set}"))?,
+                attribute(&format!("WEIGHTS_{set}"))?,
+            );
+            let (Some(numbers), Some(weights)) = (numbers, weights) else {
                 break;
             };
-            let (numbers, weights) = (data.fours(numbers)?, data.fours(weights)?);
             if (numbers.len(), weights.len()) != (count, count) {
                 return Err(refusal(format!(
                     "expected joints and weights of {count} vertices, got {} and {}",

@@ -347,10 +347,102 @@ fn positions_of_another_kind_are_refused() {
         (r#""mesh":0"#, r#""mesh":9"#),
         (
             r#""scene":0"#,
-            r#""extensionsRequired":["KHR_draco_mesh_compression"],"scene":0"#,
+            r#""extensionsRequired":["EXT_mesh_gpu_instancing"],"scene":0"#,
+        ),
+        (
+            r#""byteLength":36"#,
+            r#""byteLength":36,"extensions":{"EXT_meshopt_compression":
+               {"buffer":0,"byteLength":36,"byteStride":12,"count":3,"mode":"ATTRIBUTES"}}"#,
+        ),
+        (
+            r#""indices":1"#,
+            r#""indices":1,"extensions":{"KHR_draco_mesh_compression":
+               {"bufferView":0,"attributes":{"POSITION":0}}}"#,
         ),
     ] {
         refused(&glb(&description(from, to), &data()));
+    }
+}
+
+#[test]
+fn extensions_that_leave_vertices_alone_may_be_required() {
+    let names = [
+        "EXT_texture_webp",
+        "EXT_texture_avif",
+        "MSFT_texture_dds",
+        "KHR_texture_basisu",
+        "KHR_animation_pointer",
+        "KHR_xmp_json_ld",
+        "KHR_lights_punctual",
+        "KHR_materials_unlit",
+        "VRMC_vrm",
+        "KHR_meshopt_compression",
+        "X_of_tomorrow",
+    ];
+    let required = format!(r#""extensionsRequired":{names:?},"scene":0"#);
+    let file = glb(&description(r#""scene":0"#, &required), &data());
+    assert_eq!(parse_glb(&file).unwrap().triangles, [[0, 1, 2]]);
+}
+
+/// Two squares whose positions and triangles are in a stream of Draco.
+fn by_draco() -> Vec<u8> {
+    use draco_core::{
+        DataType, EncoderBuffer, EncoderOptions, GeometryAttributeType, MeshEncoder, PointAttribute,
+    };
+    let mut stream = draco_core::Mesh::new();
+    stream.set_num_points(6);
+    let mut positions = PointAttribute::new();
+    positions.init(
+        GeometryAttributeType::Position,
+        3,
+        DataType::Float32,
+        false,
+        6,
+    );
+    let places = [0.0, 1.0, 2.0].map(|x| [[x, 0.0, 0.5], [x, 1.0, 0.5]]);
+    let bytes: Vec<u8> = places
+        .as_flattened()
+        .iter()
+        .flatten()
+        .flat_map(|x: &f32| x.to_le_bytes())
+        .collect();
+    positions.buffer_mut().write(0, &bytes);
+    stream.add_attribute(positions);
+    stream.set_num_faces(4);
+    stream.set_faces_from_flat_indices(&[0, 2, 1, 1, 2, 3, 2, 4, 3, 3, 4, 5]);
+    let mut encoder = MeshEncoder::new();
+    encoder.set_mesh(stream);
+    let mut out = EncoderBuffer::new();
+    encoder.encode(&EncoderOptions::new(), &mut out).unwrap();
+    out.data().to_vec()
+}
+
+#[test]
+fn a_primitive_in_a_stream_of_draco_is_read() {
+    let stream = by_draco();
+    let json = description(
+        r#""indices":1"#,
+        r#""indices":1,"extensions":{"KHR_draco_mesh_compression":{"bufferView":0,"attributes":{"POSITION":0}}}"#,
+    )
+    .replace(
+        r#""scene":0"#,
+        r#""extensionsRequired":["KHR_draco_mesh_compression"],"scene":0"#,
+    )
+    .replace(r#""bufferView":0,"componentType":5126,"count":3"#, r#""componentType":5126,"count":6"#)
+    .replace(r#""byteLength":36"#, &format!(r#""byteLength":{}"#, stream.len()));
+    let mesh = parse_glb(&glb(&json, &stream)).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (6, 4));
+    // The nodes lift by 1 and scale by 2.
+    let corner = mesh.positions.iter().filter(|p| **p == [4.0, 3.0, 1.0]);
+    assert_eq!(corner.count(), 1, "{:?}", mesh.positions);
+    let other = json.replace(r#""count":6"#, r#""count":7"#);
+    assert!(refused(&glb(&other, &stream)).contains("expected 7 vertices"));
+    for length in [0, 5, stream.len() / 2] {
+        let cut = json.replace(
+            &format!(r#""byteLength":{}"#, stream.len()),
+            &format!(r#""byteLength":{length}"#),
+        );
+        refused(&glb(&cut, &stream));
     }
 }
 
