@@ -5,8 +5,8 @@ use std::{ffi::CString, sync::Arc};
 use anyface::{
     Engine, Face,
     face::{FaceOptions, Rig},
-    job::{InputKind, ProgressFn, read_file},
-    mesh::{Landmarks, Mesh},
+    job::ProgressFn,
+    mesh::{Landmarks, Mesh, read_mesh_file},
     output::{TakeShapes, write_avatar, write_rig},
 };
 use libc::c_char;
@@ -163,10 +163,7 @@ pub unsafe extern "C" fn anyface_rig_write(
         let source = if source.is_null() {
             None
         } else {
-            Some(read_file(
-                unsafe { pointer::path("source", source) }?,
-                InputKind::Mesh,
-            )?)
+            Some(read_mesh_file(unsafe { pointer::path("source", source) }?)?)
         };
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,

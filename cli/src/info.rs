@@ -48,7 +48,7 @@ impl Info {
             "threads": threads,
             "systems": SYSTEMS.iter().map(|system| system.name).collect::<Vec<_>>(),
             "models": models,
-            "meshes": ["obj", "ply"],
+            "meshes": ["obj", "ply", "glb", "vrm", "gltf"],
             "sounds": ["wav", "mp3", "flac", "ogg", "m4a", "aiff"],
             "results": ["npz", "pc2", "mdd"],
         });

@@ -9,7 +9,8 @@ use std::{
 
 use anyface::{
     Engine, Error, Face, Result,
-    job::{InputKind, Place, ProgressFn, Receipts, copy_file, read_file},
+    job::{InputKind, Place, ProgressFn, Receipts, copy_file},
+    mesh::read_mesh_file,
     output::{ClipFile, Format, TakeShapes, VrmNames},
     rig::{SHAPES, ShapeSource, eye_looks},
 };
@@ -171,7 +172,7 @@ impl SceneArgs {
         let format = Format::from_path(out)?;
         // A pipe can be read only once.
         if let Some(mesh) = mesh.filter(|path| format.is_scene() && path.is_file()) {
-            file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
+            file = file.of_file(&read_mesh_file(mesh)?);
         }
         if self.targets == Shapes::Arkit || format == Format::Vrma {
             let rig = Arc::clone(&engine.rig(face, ShapeSource::Network, progress)?);

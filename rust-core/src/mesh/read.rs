@@ -2,14 +2,53 @@
 
 use std::path::Path;
 
-use super::{Mesh, gltf::parse_glb, obj::parse_obj, ply::parse_ply, polygons::triangulate};
+use super::{
+    Mesh,
+    foreign_formats::foreign_format,
+    gltf::{is_gltf_text, pack, parse_glb},
+    obj::parse_obj,
+    ply::parse_ply,
+    polygons::triangulate,
+};
 use crate::{
     Error, Result,
     job::{InputKind, outside::guarded, read_file},
 };
 
+/// The bytes of a mesh's file. A .gltf and the files beside it become one .glb.
+///
+/// # Errors
+/// `Io` if a file cannot be read; `Mesh` if it is too large, or a .gltf that is damaged.
+pub fn read_mesh_file(path: &Path) -> Result<Vec<u8>> {
+    let bytes = read_file(path, InputKind::Mesh)?;
+    if is_gltf_text(&bytes) {
+        pack(&bytes, Some(path.parent().unwrap_or(Path::new("")))).map_err(in_file(path))
+    } else {
+        Ok(bytes)
+    }
+}
+
+/// Refuses a scene that shows no mesh, such as an animation by itself.
+fn with_triangles(mesh: Mesh) -> Result<Mesh> {
+    if mesh.positions.is_empty() {
+        let message = "glTF: expected a mesh, got a scene without one, perhaps a .vrma or an animation by itself; give the \
+                       file that has the head";
+        return Err(Error::Mesh(message.into()));
+    }
+    Ok(mesh)
+}
+
+/// Names the file in an error about a mesh.
+fn in_file(path: &Path) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::Mesh(message) => Error::Mesh(format!("{}: {message}", path.display())),
+        other => other,
+    }
+}
+
 impl Mesh {
-    /// Reads an OBJ, PLY (ascii or binary) or binary glTF file. The content decides the format.
+    /// Reads an OBJ, PLY (ascii or binary) or glTF file (.glb, or .gltf with the files beside it).
+    /// The content decides the format.
     ///
     /// Vertices keep the file's own order and count. Several objects follow one another as in the
     /// file. Polygons are triangulated. Materials, normals and texture coordinates are skipped.
@@ -19,11 +58,8 @@ impl Mesh {
     /// fails [`Mesh::check`].
     pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
         let path = path.as_ref();
-        let bytes = read_file(path, InputKind::Mesh)?;
-        Mesh::parse(&bytes).map_err(|error| match error {
-            Error::Mesh(message) => Error::Mesh(format!("{}: {message}", path.display())),
-            other => other,
-        })
+        let bytes = read_mesh_file(path)?;
+        Mesh::parse(&bytes).map_err(in_file(path))
     }
 
     /// Like [`Mesh::read`], but from the bytes of a file.
@@ -35,11 +71,11 @@ impl Mesh {
             if bytes.starts_with(b"ply") {
                 parse_ply(bytes)
             } else if bytes.starts_with(b"glTF") {
-                parse_glb(bytes)
-            } else if bytes.contains(&0) {
-                Err(Error::Mesh(
-                    "expected an OBJ, PLY or GLB file, got unknown binary data".into(),
-                ))
+                with_triangles(parse_glb(bytes)?)
+            } else if is_gltf_text(bytes) {
+                with_triangles(parse_glb(&pack(bytes, None)?)?)
+            } else if let Some(refusal) = foreign_format(bytes) {
+                Err(Error::Mesh(refusal))
             } else {
                 parse_obj(bytes)
             }

@@ -9,11 +9,8 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{Parts, parts::NO_PART};
-use crate::{
-    Error, Result,
-    job::{InputKind, read_file},
-};
+use super::{Parts, parts::NO_PART, read_mesh_file};
+use crate::{Error, Result};
 
 /// How a part behaves when the face moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -143,7 +140,7 @@ impl ObjectNames {
     /// `Io` if the file cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
         let path = path.as_ref();
-        let bytes = read_file(path, InputKind::Mesh)?;
+        let bytes = read_mesh_file(path)?;
         Ok(if bytes.starts_with(b"ply") || bytes.contains(&0) {
             ObjectNames::default()
         } else {

@@ -402,7 +402,7 @@ fn elsewhere(document: &Document, buffer: usize) -> Error {
 }
 
 /// Decodes a `data:` URI in base64, in either alphabet. `None` if the URI names another file.
-fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
+pub(super) fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
     let Some(rest) = uri.strip_prefix("data:") else {
         return Ok(None);
     };

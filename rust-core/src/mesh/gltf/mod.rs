@@ -10,6 +10,7 @@ mod document;
 mod draco;
 mod matrix;
 mod meshopt;
+mod pack;
 mod skin;
 
 use std::ops::Range;
@@ -19,6 +20,7 @@ use document::{Document, Node, Primitive, missing, refusal};
 use draco::Decoded;
 use glam::{DMat3, DVec3};
 use matrix::{IDENTITY, Matrix, apply, matrix, product};
+pub(super) use pack::{is_gltf_text, pack};
 use skin::{Blend, Skins};
 
 use super::Mesh;
