@@ -12,6 +12,9 @@ use crate::{Error, Result};
 
 /// The fewest triangles that a mesh may have: those of a tetrahedron.
 const MIN_TRIANGLES: usize = 4;
+/// The least size of a mesh as a share of its distance from the origin. Floats have 24 bits: of a
+/// smaller mesh they know fewer than 4096 places along its longest side.
+const LEAST_SHARE: f32 = 1.0 / 4096.0;
 
 /// Counts of a mesh's elements and oddities. None of the oddities makes it unusable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -41,7 +44,8 @@ impl Mesh {
     ///
     /// # Errors
     /// `Mesh` if there is no vertex, there are fewer than 4 faces, a vertex is not finite (the
-    /// error says how many and names the first), or a face names a vertex that does not exist.
+    /// error says how many and names the first), the mesh is too far from the origin for its size,
+    /// or a face names a vertex that does not exist.
     pub fn check(&self) -> Result<()> {
         let vertices = self.positions.len();
         if vertices == 0 {
@@ -55,6 +59,7 @@ impl Mesh {
                 self.positions[first]
             )));
         }
+        self.check_place()?;
         if self.triangles.len() < MIN_TRIANGLES {
             return Err(Error::Mesh(format!(
                 "expected at least {MIN_TRIANGLES} triangles, got {}",
@@ -66,6 +71,33 @@ impl Mesh {
             return Err(Error::Mesh(format!(
                 "face {face}: expected vertex numbers below {vertices}, got {:?}",
                 self.triangles[face]
+            )));
+        }
+        Ok(())
+    }
+
+    /// Refuses a mesh in map coordinates, of which floats keep too little.
+    fn check_place(&self) -> Result<()> {
+        let fold = |start: f32, of: fn(f32, f32) -> f32| {
+            let all = self.positions.iter();
+            all.fold([start; 3], |ends, p| [0, 1, 2].map(|i| of(ends[i], p[i])))
+        };
+        let (low, high) = (
+            fold(f32::INFINITY, f32::min),
+            fold(f32::NEG_INFINITY, f32::max),
+        );
+        let size = [0, 1, 2]
+            .map(|i| high[i] - low[i])
+            .into_iter()
+            .fold(0.0, f32::max);
+        let far = low
+            .iter()
+            .chain(&high)
+            .fold(0.0, |far: f32, x| far.max(x.abs()));
+        if size > 0.0 && size < LEAST_SHARE * far {
+            return Err(Error::Mesh(format!(
+                "expected a mesh near the origin, got one of size {size} at a distance of {far}, where positions of 32 bits \
+                 are too coarse for it; move it to the origin and save it anew (Blender: Object → Set Origin → Geometry to Origin)"
             )));
         }
         Ok(())
@@ -149,6 +181,19 @@ mod tests {
             report.nonmanifold_edges + report.boundary_edges + report.holes,
             0
         );
+    }
+
+    #[test]
+    fn a_mesh_in_map_coordinates_is_refused() {
+        let mut mesh = tetrahedron();
+        let mut moved = |by: f32| {
+            mesh.positions = tetrahedron().positions;
+            mesh.positions.iter_mut().for_each(|p| p[1] += by);
+            mesh.check()
+        };
+        moved(1000.0).unwrap();
+        let message = moved(4e6).unwrap_err().to_string();
+        assert!(message.contains("Geometry to Origin"), "{message}");
     }
 
     #[test]
