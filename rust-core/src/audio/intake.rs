@@ -1,6 +1,7 @@
 //! Takes samples from the decoders, mixes them to mono, checks each one and resamples.
 
 use super::{
+    mixdown::Mixdown,
     resample::{Take, ToSpeechRate},
     waveform::{ACCEPTED_RATES_HZ, LOUDEST, Waveform},
 };
@@ -11,6 +12,7 @@ use crate::{Error, Result, job::outside::guarded};
 pub(super) struct Intake<'a> {
     out: Take<'a>,
     channels: usize,
+    mixdown: Mixdown,
     resampler: ToSpeechRate,
     /// Reused mono buffer.
     mono: Vec<f32>,
@@ -39,6 +41,7 @@ impl<'a> Intake<'a> {
         Ok(Intake {
             out,
             channels,
+            mixdown: Mixdown::new(channels, rate_hz),
             resampler: ToSpeechRate::new(rate_hz)?,
             mono: Vec::new(),
             frames: 0,
@@ -65,17 +68,15 @@ impl<'a> Intake<'a> {
         self.frames_left -= accepted;
         let interleaved = &interleaved[dropped * self.channels..][..accepted * self.channels];
         self.mono.clear();
-        let share = 1.0 / self.channels as f32;
-        for frame in interleaved.chunks_exact(self.channels) {
-            let here = self.frames + self.mono.len() as u64;
+        for (here, frame) in (self.frames..).zip(interleaved.chunks_exact(self.channels)) {
             if frame.iter().any(|x| !x.is_finite()) {
                 self.not_finite.add(here);
             } else if frame.iter().any(|x| x.abs() > LOUDEST) {
                 self.too_large.add(here);
             }
-            self.mono.push(frame.iter().map(|x| x * share).sum::<f32>());
+            self.mixdown.push(frame, &mut self.mono);
         }
-        self.frames += self.mono.len() as u64;
+        self.frames += accepted as u64;
         // `finish` will refuse a sound with such frames, so from here on they are only counted.
         match self.not_finite.first.or(self.too_large.first) {
             None => self.resampler.push(&self.mono, self.out),
@@ -83,7 +84,7 @@ impl<'a> Intake<'a> {
         }
     }
 
-    pub(super) fn finish(self) -> Result<()> {
+    pub(super) fn finish(mut self) -> Result<()> {
         if let Count {
             count,
             first: Some(first),
@@ -108,6 +109,9 @@ impl<'a> Intake<'a> {
         if self.frames == 0 {
             return Err(Error::Audio("expected sound, got no samples".into()));
         }
+        self.mono.clear();
+        self.mixdown.finish(&mut self.mono);
+        self.resampler.push(&self.mono, self.out)?;
         self.resampler.finish(self.out)
     }
 }

@@ -9,6 +9,7 @@ mod edit_list;
 mod file;
 mod intake;
 mod long_wav;
+mod mixdown;
 mod opus;
 mod pitch;
 mod prosody;
