@@ -32,7 +32,7 @@ use crate::{
     arg.conflicts_with_all(["redo", "mask", "layers", "mask_out", "open_mouth"])
 }))]
 pub struct Animate {
-    /// The mesh: OBJ, PLY or GLB
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
@@ -95,7 +95,6 @@ impl Animate {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let job = self.job()?;
         let request = self.motion.request(shared)?;
-        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let progress = &|p| console.progress(p);
         let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;
@@ -106,6 +105,8 @@ impl Animate {
             report.warnings.extend(scene_sound.warning.clone());
         }
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let file = (&*self.mesh, &mesh);
+        let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
         if let Some((frames, heard_s)) = self.memory(&job, &mesh, duration_s, request.fps)? {

@@ -12,11 +12,11 @@ use anyface::{
     annotation::Annotation,
     audio::SoundFile,
     conditions::Event,
-    face::{DEFAULT_PROXY, FaceOptions},
+    face::{DEFAULT_PROXY, FaceOptions, check_landmarks},
     job::{InputKind, ProgressFn, Receipts, read_text},
     mesh::{
-        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
-        PartRole, PartSelector,
+        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        PartChoices, PartRole, PartSelector,
     },
     speech::Script,
     systems::{Ability, Registration},
@@ -230,12 +230,18 @@ impl Display for ProxySize {
 }
 
 impl FaceArgs {
-    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from
-    /// elsewhere, used unless --landmarks gives others.
-    pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
+    /// `file`: the file of the mesh. `known`: landmarks that the caller has from elsewhere, used
+    /// unless --landmarks gives others. A landmarks file beside the mesh that does not fit it is
+    /// passed over, and a warning says so.
+    pub fn options(
+        &self,
+        (file, mesh): (&Path, &Mesh),
+        known: Option<LandmarkSource>,
+        warnings: &mut Vec<String>,
+    ) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
-            None if known.is_none() => landmarks_of_opened(mesh)?,
+            None if known.is_none() => fitting_landmarks_beside(file, mesh, warnings),
             None => known,
         };
         let mut fixed = match &self.fix {
@@ -261,7 +267,7 @@ impl FaceArgs {
                     .iter()
                     .any(|(s, _)| matches!(s, PartSelector::Name(_)))
                 {
-                    ObjectNames::read(mesh)?
+                    ObjectNames::read(file)?
                 } else {
                     ObjectNames::default()
                 },
@@ -272,13 +278,31 @@ impl FaceArgs {
     }
 }
 
-/// The landmarks file beside a mesh, such as `open-mouth` and `head` write.
-fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
-    let beside = landmarks_beside(mesh);
-    if beside.is_file() {
-        LandmarkSource::read(&beside).map(Some)
-    } else {
-        Ok(None)
+/// The landmarks file beside a mesh, such as `open-mouth` and `head` write. It may belong to another mesh of the
+/// same name: H.landmarks.json of H.obj lies beside H.vrm, too.
+fn fitting_landmarks_beside(
+    file: &Path,
+    mesh: &Mesh,
+    warnings: &mut Vec<String>,
+) -> Option<LandmarkSource> {
+    let beside = landmarks_beside(file);
+    if !beside.is_file() {
+        return None;
+    }
+    let landmarks = LandmarkSource::read(&beside).and_then(|landmarks| {
+        check_landmarks(mesh, &landmarks)?;
+        Ok(landmarks)
+    });
+    match landmarks {
+        Ok(landmarks) => Some(landmarks),
+        Err(error) => {
+            warnings.push(format!(
+                "{} does not fit this mesh and was passed over ({error}); the face was searched for, and --landmarks names a \
+                 file of landmarks",
+                beside.display()
+            ));
+            None
+        }
     }
 }
 

@@ -34,7 +34,7 @@ const DEFAULT_FPS: f64 = 30.0;
 #[derive(Args)]
 #[command(mut_arg("surface", |arg| arg.conflicts_with("attention")))]
 pub struct Deform {
-    /// The mesh: OBJ, PLY or GLB
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh units. Without
@@ -70,7 +70,8 @@ impl Deform {
         let known = motion
             .neutral
             .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
-        let options = self.face.options(&self.mesh, known)?;
+        let file = (&*self.mesh, &mesh);
+        let options = self.face.options(file, known, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
         let face = timed(&mut report, "prepare", || {

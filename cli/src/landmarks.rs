@@ -15,7 +15,7 @@ use crate::{
 /// Find the 68 landmarks of a mesh
 #[derive(Args)]
 pub struct FindLandmarks {
-    /// The mesh: OBJ, PLY or GLB
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// The result as JSON: position, vertex and confidence of each landmark, and how the lips meet
@@ -27,9 +27,10 @@ pub struct FindLandmarks {
 
 impl FindLandmarks {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let file = (&*self.mesh, &mesh);
+        let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {
             engine.find(&mesh, &options, &|p| console.progress(p))

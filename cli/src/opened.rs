@@ -8,8 +8,8 @@ use std::{
 use anyface::{
     Error, Result,
     face::OpenedFace,
-    job::{InputKind, Progress, read_file, write_atomically},
-    mesh::{Mesh, Mouth},
+    job::{Progress, write_atomically},
+    mesh::{Mesh, Mouth, read_mesh_file},
     output::write_opened_obj,
 };
 use clap::Args;
@@ -24,7 +24,7 @@ use crate::{
 /// Which mesh is cut, and where the new one goes
 #[derive(Args)]
 pub struct Open {
-    /// The mesh: OBJ, PLY or GLB
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// The new mesh, .obj. The old vertices keep their numbers and places. An OBJ keeps its texture coordinates, normals,
@@ -52,9 +52,11 @@ impl Open {
 
     pub fn run(&self, feature: Feature, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
-        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let file = (&*self.mesh, &mesh);
+        let mut warnings = Vec::new();
+        let options = self.face.options(file, None, &mut warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {
             engine.find(&mesh, &options, &|p| console.progress(p))
@@ -72,7 +74,7 @@ impl Open {
             write(&self.out, &self.mesh, &mesh, &opened, mouth)
         })?;
         note_face(&mut report, &face);
-        report.warnings.clear();
+        report.warnings = warnings;
         report.mouth = Some(mouth.name().into());
         report.out = Some(shown(&self.out));
         report.vertices = Some(opened.mesh.positions.len());
@@ -113,7 +115,7 @@ pub fn write(
     opened: &OpenedFace,
     mouth: Mouth,
 ) -> Result<()> {
-    let bytes = read_file(source, InputKind::Mesh)?;
+    let bytes = read_mesh_file(source)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
     write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)?;
     let json = opened.landmarks.to_json_with_mouth(mouth);

@@ -15,7 +15,7 @@ use crate::{
 /// List the parts of a mesh (teeth, eyes, lashes, …) and what each of them follows
 #[derive(Args)]
 pub struct ListParts {
-    /// The mesh: OBJ or PLY
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     #[command(flatten)]
@@ -24,9 +24,12 @@ pub struct ListParts {
 
 impl ListParts {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let mut options = self.face.options(&self.mesh, None)?;
-        options.parts.names = ObjectNames::read(&self.mesh)?;
         let mesh = Mesh::read(&self.mesh)?;
+        let mut warnings = Vec::new();
+        let file = (&*self.mesh, &mesh);
+        let mut options = self.face.options(file, None, &mut warnings)?;
+        console.warn(&warnings);
+        options.parts.names = ObjectNames::read(&self.mesh)?;
         let face = shared
             .engine()?
             .find(&mesh, &options, &|p| console.progress(p))?;

@@ -5,8 +5,8 @@ use std::{ffi::OsStr, path::PathBuf};
 use anyface::{
     Error, Result,
     face::ShapeReport,
-    job::{InputKind, read_file, write_json},
-    mesh::Mesh,
+    job::write_json,
+    mesh::{Mesh, read_mesh_file},
     output::{Report, write_avatar, write_rig, write_rig_folder},
     rig::{ARKIT, ShapeSource, VISEMES},
 };
@@ -32,7 +32,7 @@ enum By {
 /// Make the 52 ARKit shapes and 15 visemes of a head
 #[derive(Args)]
 pub struct MakeRig {
-    /// The mesh: OBJ, PLY, GLB or VRM
+    /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// The result: .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with the expressions of VRM and the 52 of
@@ -84,9 +84,10 @@ impl MakeRig {
                     .to_owned(),
             ));
         }
-        let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let file = (&*self.mesh, &mesh);
+        let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let (face, rig) = timed(&mut report, "shapes", || {
             let progress = |p| console.progress(p);
@@ -101,7 +102,7 @@ impl MakeRig {
         })?;
         note_face(&mut report, &face);
         let replaced = timed(&mut report, "write", || {
-            let bytes = || read_file(&self.mesh, InputKind::Mesh);
+            let bytes = || read_mesh_file(&self.mesh);
             match form {
                 Form::Archive => write_rig(&self.out, &rig, &mesh)?,
                 Form::Avatar => {

@@ -120,10 +120,11 @@ fn make(
     let Some(path) = line.options.mesh.as_deref() else {
         return Ok(ready);
     };
-    let options = line.options.face.options(path, None)?;
     let mesh = Mesh::read(path)?;
-    let face = ready.engine.prepare(&mesh, &options, progress)?;
     let mut report = new_report();
+    let face = &line.options.face;
+    let options = face.options((path, &mesh), None, &mut report.warnings)?;
+    let face = ready.engine.prepare(&mesh, &options, progress)?;
     note_face(&mut report, &face);
     let reach = ready.engine.mouth_reach(&face, progress)?;
     let limits = reach.map(|reach| reach.sentences());

@@ -209,6 +209,27 @@ fn missing_files_exit_with_8_and_their_name() {
     refused(&folder, &arguments, IO, "l.npz");
 }
 
+/// H.landmarks.json of H.obj lies beside H.vrm, too.
+#[test]
+fn landmarks_of_another_mesh_are_named_and_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = crate::model("default_head");
+    fs::copy(head.join("head.obj"), folder.path().join("h.obj")).unwrap();
+    let elsewhere = format!("[{}]", vec!["[9,9,9]"; 68].join(","));
+    fs::write(folder.path().join("h.landmarks.json"), elsewhere).unwrap();
+    let output = anyface(
+        folder.path(),
+        &["landmarks", "--mesh", "h.obj", "--out", "o.json"],
+    );
+    let errors = text(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    assert!(
+        errors.contains("h.landmarks.json does not fit this mesh"),
+        "{errors}"
+    );
+    assert!(folder.path().join("o.json").is_file());
+}
+
 /// The command writes the paper's heat maps: the shares of 68 landmarks for each vertex of the skin.
 #[test]
 fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {

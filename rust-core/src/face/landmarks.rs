@@ -52,15 +52,30 @@ pub fn locate_landmarks_with(
     }
     let fixed = &options.fixed;
     let landmarks = match &options.landmarks {
-        Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
-        Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
-        Some(LandmarkSource::Known(known)) => from_known(mesh, known)?,
+        Some(landmarks) => caller_landmarks(mesh, landmarks)?,
         None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
     if fixed.is_empty() {
         Ok(landmarks)
     } else {
         finder.follow(mesh, &landmarks, fixed)
+    }
+}
+
+/// Whether landmarks can be those of a mesh: its vertices exist, and all points lie near its
+/// surface.
+///
+/// # Errors
+/// `ShapeMismatch` or `InvalidInput` that says which landmark does not fit.
+pub fn check_landmarks(mesh: &Mesh, landmarks: &LandmarkSource) -> Result<()> {
+    caller_landmarks(mesh, landmarks).map(drop)
+}
+
+fn caller_landmarks(mesh: &Mesh, landmarks: &LandmarkSource) -> Result<Landmarks> {
+    match landmarks {
+        LandmarkSource::Positions(positions) => from_positions(mesh, positions),
+        LandmarkSource::Vertices(vertices) => from_vertices(mesh, vertices),
+        LandmarkSource::Known(known) => from_known(mesh, known),
     }
 }
 

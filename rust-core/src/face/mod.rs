@@ -41,7 +41,7 @@ pub use deformer::{CodeField, Deformer, FewVertices, Field, ShapeProducts};
 pub use eyes::Lids;
 use eyes::Openings;
 pub use face_options::{DEFAULT_PROXY, FaceOptions};
-pub use landmarks::{locate_landmarks, locate_landmarks_with};
+pub use landmarks::{check_landmarks, locate_landmarks, locate_landmarks_with};
 pub(crate) use nearest::PointGrid;
 pub use open_eyes::{EyeTrial, open_eyes};
 pub use open_mouth::{MouthTrial, open_mouth};
