@@ -6,6 +6,7 @@
 
 use std::{
     ffi::OsString,
+    io,
     ops::Deref,
     path::{Path, PathBuf},
 };
@@ -15,6 +16,8 @@ use anyface::{
     job::{Place, Receipts},
 };
 use clap::{ArgMatches, Command};
+
+use crate::arguments::is_folder;
 
 macro_rules! path_type {
     ($(#[$doc:meta])* $name:ident) => {
@@ -77,6 +80,24 @@ pub fn link_warning(out: &Path) -> Option<String> {
 struct Named {
     option: String,
     path: PathBuf,
+}
+
+impl Named {
+    /// Refuses a result in a folder that is missing. A result that is a folder is made with all around it.
+    fn check_folder(&self) -> Result<()> {
+        let folder = self
+            .path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        match folder.filter(|folder| !is_folder(&self.path) && !folder.exists()) {
+            None => Ok(()),
+            Some(folder) => {
+                let message = format!("this folder of {} is missing; make it first", self.option);
+                let source = io::Error::new(io::ErrorKind::NotFound, message);
+                Err(Error::io(folder)(source))
+            }
+        }
+    }
 }
 
 /// The files of a command line.
@@ -151,6 +172,7 @@ impl Files {
             let message = format!("{option}: expected the name of a file, got an empty one");
             return Err(Error::InvalidInput(message));
         }
+        typed.iter().try_for_each(Named::check_folder)?;
         derived
             .iter()
             .try_for_each(|output| receipts.derive(&output.path))

@@ -14,6 +14,7 @@ mod picture;
 mod plan;
 mod results;
 mod rows;
+mod table_text;
 mod work;
 
 use std::{
@@ -45,7 +46,7 @@ const STACK_BYTES: usize = 8 << 20;
 /// Animate many lines of speech on one face, from a table with one row for each line
 #[derive(Args)]
 pub struct Batch {
-    /// The lines of speech: a .csv or .tsv table (tabs) with a header. It needs the columns audio and out. It may also have
+    /// The lines of speech: a .csv or .tsv table with a header, as spreadsheets save it (commas, semicolons or tabs). It needs the columns audio and out. It may also have
     /// the column name and one for each option of `animate` that is listed below. A column whose name begins with # holds
     /// notes. Relative paths start at the folder of this table. The ending of out chooses the kind of result: .csv or .json
     /// for weights of the mesh's ARKit shapes over time; .npz, .pc2, .mdd, .glb, .usda or .vrma as `animate` writes them

@@ -18,6 +18,7 @@ use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, FromArgMatches}
 use super::{
     line::{Line, LineOptions},
     path_map::{PathMap, is_of_windows, translated},
+    table_text::{delimiter, table_text},
 };
 use crate::{
     arguments::{FaceArgs, SharedArgs},
@@ -167,14 +168,12 @@ pub fn read(
 ) -> Result<Vec<Row>> {
     let bytes = read_file(path, InputKind::Numbers)?;
     let wrong = |message: String| Error::InvalidInput(format!("{}: {message}", path.display()));
-    let is_tabs = path
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("tsv"));
+    let text = table_text(&bytes);
     let mut table = csv::ReaderBuilder::new()
-        .delimiter(if is_tabs { b'\t' } else { b',' })
+        .delimiter(delimiter(&text))
         .flexible(true)
         .trim(csv::Trim::All)
-        .from_reader(bytes.as_slice());
+        .from_reader(text.as_bytes());
     let header = table.headers().map_err(|e| wrong(e.to_string()))?.clone();
     let folder = std::path::absolute(path).map_err(Error::io(path))?;
     let folder = folder.parent().unwrap_or(&folder).to_owned();
@@ -206,6 +205,8 @@ pub fn read(
     let mut rows = Vec::new();
     for (number, record) in (1..).zip(table.byte_records()) {
         let row = match record {
+            // Spreadsheets end with rows of commas.
+            Ok(record) if record.iter().all(<[u8]>::is_empty) => continue,
             Ok(record) => reader.row(number, &record),
             Err(error) => Row::broken(number, Error::InvalidInput(error.to_string())),
         };

@@ -1,7 +1,9 @@
 //! Does one line of a batch: reads its sound, makes the motion and writes the file.
 
+use std::{fs, path::Path};
+
 use anyface::{
-    Performance, Result,
+    Error, Performance, Result,
     audio::Waveform,
     job::ProgressFn,
     mesh::ibug::INNER_LIPS,
@@ -44,6 +46,7 @@ pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<D
     if let Some(path) = scene_sound.as_ref().and_then(SceneSound::output) {
         receipts.derive(path)?;
     }
+    create_folder_of(&line.out)?;
     let mut report = new_report();
     report.warnings.extend(link_warning(&line.out));
     let sound = read_sound(&mut report, &line.audio, &options.sound, progress)?;
@@ -67,6 +70,14 @@ pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<D
     report.fps = request.fps;
     report.out = Some(shown(&line.out));
     Ok(done(report, gap, &waveform))
+}
+
+/// Makes the folder of a result, because a table names folders that nobody has made yet.
+fn create_folder_of(out: &Path) -> Result<()> {
+    match out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        Some(folder) => fs::create_dir_all(folder).map_err(Error::io(folder)),
+        None => Ok(()),
+    }
 }
 
 /// A performance, its landmarks on the mean face, and the sound beside its scene.

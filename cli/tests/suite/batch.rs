@@ -148,6 +148,26 @@ fn a_row_gives_the_weights_that_animate_and_solve_give() {
 }
 
 #[test]
+fn a_table_of_a_spreadsheet_makes_the_folders_of_its_results() {
+    let folder = folder(0.4, "");
+    let text = "audio;out;#note\na.wav;deep/er/1.npz;\u{e9}\n;;\n";
+    let utf_16: Vec<u8> = format!("\u{feff}{text}")
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    fs::write(folder.path().join("lines.csv"), utf_16).unwrap();
+    done(&anyface(folder.path(), &["batch", "lines.csv"]), 0);
+    assert!(folder.path().join("deep/er/1.npz").is_file());
+    assert_eq!(summary(folder.path())["ok"], 1);
+    let single = ["motion", "--audio", "a.wav", "--out", "no/where/1.npz"];
+    let errors = done(&anyface(folder.path(), &single), 8);
+    assert!(
+        errors.contains("no/where: this folder of --out is missing; make it first"),
+        "{errors}"
+    );
+}
+
+#[test]
 fn finished_rows_are_not_done_again_until_something_changes() {
     let folder = folder(0.4, "audio,out,seed\na.wav,1.npz,1\na.wav,2.npz,2\n");
     let at = |name: &str| folder.path().join(name);
