@@ -13,7 +13,7 @@ from . import json_file, shapes
 from .errors import AnyfaceError
 
 _FOLDER = Path(__file__).resolve().parent.parent / "key_names"
-# A list that names fewer keys than this fits by coincidence.
+# A list that names fewer keys than this fits by coincidence, unless it says otherwise.
 _FEWEST = 3
 # Names shorter than this match only a whole key name, not the end of a longer one.
 _SHORT = 4
@@ -56,7 +56,7 @@ def guess(keys: list[str]) -> tuple[str, list[Pair]]:
     best: tuple[str, list[Pair]] = "", []
     for preset in presets():
         matches = pairs(preset, keys)
-        fewest = 1 if preset in (ARKIT, OCULUS) else _FEWEST
+        fewest = 1 if preset in (ARKIT, OCULUS) else _documents()[preset].get("fewest", _FEWEST)
         count = len({pair.key for pair in matches})
         if count >= fewest and count > len({pair.key for pair in best[1]}):
             best = preset, matches
@@ -89,14 +89,20 @@ def read(path) -> list[Pair]:
 
 @lru_cache(maxsize=1)
 def _lists() -> dict[str, dict[str, list[tuple[list[str], float]]]]:
-    lists = {}
-    for path in sorted(_FOLDER.glob("*.json")):
-        document = json_file.read(path)
-        lists[document["label"]] = {
+    return {
+        label: {
             shape: [_alternative(*([name] if isinstance(name, str) else name)) for name in names]
             for shape, names in document["keys"].items()
         }
-    return lists
+        for label, document in _documents().items()
+    }
+
+
+@lru_cache(maxsize=1)
+def _documents() -> dict[str, dict]:
+    """The files of the lists by their labels."""
+    documents = [json_file.read(path) for path in sorted(_FOLDER.glob("*.json"))]
+    return {document["label"]: document for document in documents}
 
 
 def _alternative(name: str, factor: float = 1.0) -> tuple[list[str], float]:

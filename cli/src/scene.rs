@@ -11,7 +11,7 @@ use anyface::{
     Engine, Error, Face, Result,
     job::{InputKind, Place, ProgressFn, Receipts, copy_file},
     mesh::read_mesh_file,
-    output::{ClipFile, Format, TakeShapes, VrmNames},
+    output::{ClipFile, Format, MeshTargets, TakeShapes, VrmNames},
     rig::{SHAPES, ShapeSource, eye_looks},
 };
 use clap::{Args, ValueEnum};
@@ -19,8 +19,9 @@ use clap::{Args, ValueEnum};
 /// Options of scenes and avatars.
 #[derive(Args)]
 pub struct SceneArgs {
-    /// Which shapes a .glb or .usda has: basis, the fewest that reproduce the take at every vertex; or arkit, the 52 ARKit
-    /// shapes of the mesh with solved weights
+    /// Which shapes a .glb or .usda has: basis, the fewest that reproduce the take at every vertex; arkit, the 52 ARKit
+    /// shapes of the mesh with solved weights, of which only those are new that the file of the mesh has not; or own, the
+    /// morph targets that the .glb or .vrm of the mesh has already
     #[arg(long, value_enum, value_name = "SHAPES", default_value = "basis")]
     targets: Shapes,
     /// Which expressions a .vrma moves: those of Perfect Sync (ARKit's), those of VRM, or all
@@ -32,6 +33,7 @@ pub struct SceneArgs {
 enum Shapes {
     Basis,
     Arkit,
+    Own,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -140,6 +142,7 @@ impl SceneArgs {
         };
         match (self.targets, self.expressions) {
             (Shapes::Arkit, _) if !is_shown => wrong("--targets arkit", ".glb or .usda"),
+            (Shapes::Own, _) if format != Format::Glb => wrong("--targets own", ".glb or .vrm"),
             (_, Names::All) => Ok(()),
             _ if format != Format::Vrma => wrong("--expressions", ".vrma"),
             _ => Ok(()),
@@ -150,7 +153,7 @@ impl SceneArgs {
     /// count.
     pub fn count_shape_frames(&self, out: &Path) -> usize {
         let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
-        if is_avatar || self.targets == Shapes::Arkit {
+        if is_avatar || self.targets != Shapes::Basis {
             3 * SHAPES
         } else {
             0
@@ -171,10 +174,19 @@ impl SceneArgs {
         let mut file = ClipFile::new(out)?;
         let format = Format::from_path(out)?;
         // A pipe can be read only once.
-        if let Some(mesh) = mesh.filter(|path| format.is_scene() && path.is_file()) {
-            file = file.of_file(&read_mesh_file(mesh)?);
+        let source = match mesh.filter(|path| format.is_scene() && path.is_file()) {
+            Some(mesh) => Some(read_mesh_file(mesh)?),
+            None => None,
+        };
+        if let Some(source) = &source {
+            file = file.of_file(source);
         }
-        if self.targets == Shapes::Arkit || format == Format::Vrma {
+        if self.targets == Shapes::Own {
+            file = file.with_mesh_targets(MeshTargets::read(
+                source.as_deref().unwrap_or_default(),
+                face,
+            )?);
+        } else if self.targets == Shapes::Arkit || format == Format::Vrma {
             let rig = Arc::clone(&engine.rig(face, ShapeSource::Network, progress)?);
             file = file.with_shapes(TakeShapes::new(rig, &face.landmarks.vertices));
         } else if format.is_scene() {

@@ -12,7 +12,7 @@ use anyface::{
     job::ProgressFn,
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
-    output::{ClipFile, Report, warnings_of_sound},
+    output::{ClipFile, MeshTargets, Report, warnings_of_sound},
     speech::{HeardEmotion, frames_of},
     spread::{ClipStart, FrameBlock, FrameSink, SpreadReport},
 };
@@ -166,7 +166,7 @@ pub fn spread_into(
     spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
 ) -> Result<()> {
     let started = Instant::now();
-    let path = file.path().to_owned();
+    let (path, targets) = (file.path().to_owned(), file.mesh_targets());
     let mut sink = TimedSink::new(file);
     life.into_iter().for_each(|life| sink.inner.add_life(life));
     let spread_report = spread(&mut sink)?;
@@ -179,6 +179,7 @@ pub fn spread_into(
     let mut result = Frames::default();
     result.add(spread_report);
     note_result(report, &path, face, fps, articulation, result);
+    note_targets(report, targets.as_deref());
     Ok(())
 }
 
@@ -192,7 +193,7 @@ pub fn speak_into(
     progress: ProgressFn<'_>,
 ) -> Result<()> {
     let started = Instant::now();
-    let path = file.path().to_owned();
+    let (path, targets) = (file.path().to_owned(), file.mesh_targets());
     let mut sink = TimedSink::new(file);
     let (mut result, mut on_face) = (Frames::default(), Duration::ZERO);
     sink.begin(&ClipStart {
@@ -217,7 +218,33 @@ pub fn speak_into(
     note(report, "write", sink.spent);
     let articulation = request.articulation();
     note_result(report, &path, face, request.fps, articulation, result);
+    note_targets(report, targets.as_deref());
     Ok(())
+}
+
+/// The targets of a file show too little of the mouth's motion below this share.
+const LEAST_SHARE: f32 = 0.5;
+
+/// Notes which targets of the file a take drives, and warns about what they cannot show.
+pub fn note_targets(report: &mut Report, targets: Option<&MeshTargets>) {
+    let Some((targets, target_report)) = targets.and_then(|t| Some((t, t.report()?))) else {
+        return;
+    };
+    report.warnings.extend(targets.notes().iter().cloned());
+    if !target_report.empty.is_empty() {
+        report.warnings.push(format!(
+            "targets that move nothing count as none: {}",
+            target_report.empty.join(", ")
+        ));
+    }
+    if target_report.share_of_mouth < LEAST_SHARE {
+        report.warnings.push(format!(
+            "the targets of the file show {:.0} % of the mouth's motion; --targets arkit adds the ARKit shapes that it \
+             lacks",
+            100.0 * target_report.share_of_mouth
+        ));
+    }
+    report.targets = Some(target_report);
 }
 
 /// Count, extent and notes of the frames that were written.
@@ -351,6 +378,15 @@ pub fn summary(report: &Report) -> String {
     }
     let total: f64 = report.seconds.values().sum();
     text += &format!(", in {total:.2} s");
+    if let Some(targets) = &report.targets {
+        text += &format!(
+            "\n  drives {} targets ({}): {}; they show {:.0} % of the mouth's motion",
+            targets.names.len(),
+            targets.tool,
+            targets.names.join(", "),
+            100.0 * targets.share_of_mouth
+        );
+    }
     let heard = report
         .heard_emotion
         .as_ref()

@@ -21,6 +21,7 @@ TOOLS = {
     "Fuse and Mixamo": ["Blink_Left", "MouthOpen", "MouthNarrow_Left", "MouthNarrow_Right"],
     "MetaHuman": ["CTRL_expressions_jawOpen", "CTRL_expressions_eyeBlinkL",
                   "CTRL_expressions_mouthFunnelUL", "CTRL_expressions_mouthFunnelDR"],
+    "Ready Player Me": ["mouthOpen", "mouthSmile"],
     "Rhubarb": ["A", "B", "C", "D", "X"],
 }  # fmt: skip
 

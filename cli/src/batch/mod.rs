@@ -49,7 +49,7 @@ pub struct Batch {
     /// The lines of speech: a .csv or .tsv table with a header, as spreadsheets save it (commas, semicolons or tabs). It needs the columns audio and out. It may also have
     /// the column name and one for each option of `animate` that is listed below. A column whose name begins with # holds
     /// notes. Relative paths start at the folder of this table. The ending of out chooses the kind of result: .csv or .json
-    /// for weights of the mesh's ARKit shapes over time; .npz, .pc2, .mdd, .glb, .usda or .vrma as `animate` writes them
+    /// for weights of the mesh's ARKit shapes over time; .npz, .pc2, .mdd, .glb, .vrm, .usda or .vrma as `animate` writes them
     #[arg(value_name = "LINES")]
     lines: InputPath,
     /// Do only these rows, as in 1-500 or 7. Row 1 is the first one below the header

@@ -117,7 +117,7 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
         &folder,
         &arguments,
         INVALID_INPUT,
-        ".npz, .pc2, .mdd, .glb, .usda or .vrma",
+        ".npz, .pc2, .mdd, .glb, .vrm, .usda or .vrma",
     );
 }
 

@@ -10,6 +10,7 @@ mod microphone;
 mod options;
 mod performance;
 mod runs;
+mod targets;
 #[path = "../../../rust-core/tests/suite/voice.rs"]
 mod voice;
 

@@ -37,7 +37,7 @@ pub use fixed::{FIVE_POINTS, FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
 pub(crate) use front_view::depth_at;
 pub(crate) use gltf::glb_chunks;
-pub use gltf::{GlbPart, glb_parts};
+pub use gltf::{GlbPart, GlbTarget, glb_parts, glb_targets};
 pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;

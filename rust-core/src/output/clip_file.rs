@@ -1,9 +1,11 @@
 //! Writes a clip into a file while its frames are being made.
 
 use std::{
+    borrow::Cow,
     fs::File,
     io::{BufWriter, Seek, Write},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use ndarray::ArrayView3;
@@ -13,6 +15,7 @@ use super::{
     cache::write_positions,
     glb::write_glb,
     mdd,
+    mesh_targets::{MeshTargets, with_file_targets},
     moved::{MAX_IN_MEMORY, Moved, SOLVED},
     npz::Archive,
     pc2,
@@ -26,7 +29,7 @@ use super::{
 use crate::{
     Error, Result,
     job::{ProgressFn, SILENT, Unfinished},
-    mesh::{Mesh, ibug::LANDMARKS},
+    mesh::{Mesh, glb_chunks, ibug::LANDMARKS},
     motion::Life,
     rig::{ARKIT, EyeLook},
     spread::{Animation, ClipStart, FrameBlock, FrameSink},
@@ -65,6 +68,7 @@ pub(super) struct Beside {
     source: Option<Vec<u8>>,
     sound: Option<String>,
     shapes: Option<TakeShapes>,
+    mesh_targets: Option<Arc<MeshTargets>>,
     eyes: Vec<EyeLook>,
     names: VrmNames,
 }
@@ -77,6 +81,9 @@ impl Beside {
         scene: &Scene<'_>,
         progress: ProgressFn<'_>,
     ) -> Result<Targets> {
+        if let Some(targets) = &self.mesh_targets {
+            return targets.playing(&mut moved, scene.life, progress);
+        }
         let Some(shapes) = &self.shapes else {
             let frames = moved.frames();
             let basis = moved.into_basis(Targets::max_error(scene.landmarks), progress)?;
@@ -84,8 +91,15 @@ impl Beside {
             let weights = looks(frames, scene.life);
             return Ok(targets.with_looks(&self.eyes, weights.view()));
         };
-        let weights = shapes.arkit_of(&mut moved, scene.life, progress)?;
-        let targets = Targets::of_rig(shapes.rig(), ARKIT, scene.landmarks);
+        let (rig, file_targets) = with_file_targets(shapes.rig(), scene.source)?;
+        let targets = Targets::of_rig(&rig, ARKIT, scene.landmarks).on_file_targets(&file_targets);
+        let weights = match rig {
+            Cow::Borrowed(_) => shapes.arkit_of(&mut moved, scene.life, progress)?,
+            Cow::Owned(rig) => {
+                let shapes = shapes.of_rig(rig);
+                shapes.arkit_of(&mut moved, scene.life, progress)?
+            }
+        };
         Ok(targets.playing(&ARKIT, weights.view(), moved.fps()))
     }
 }
@@ -144,6 +158,19 @@ impl ClipFile {
     pub fn with_shapes(mut self, shapes: TakeShapes) -> Self {
         self.beside.shapes = Some(shapes);
         self
+    }
+
+    /// Sets the morph targets that the file of the mesh has. A GLB then gets an animation of those
+    /// targets and no new ones.
+    #[must_use]
+    pub fn with_mesh_targets(mut self, targets: Arc<MeshTargets>) -> Self {
+        self.beside.mesh_targets = Some(targets);
+        self
+    }
+
+    /// The targets of [`ClipFile::with_mesh_targets`].
+    pub fn mesh_targets(&self) -> Option<Arc<MeshTargets>> {
+        self.beside.mesh_targets.clone()
     }
 
     /// Sets the eyes of the mesh, so that a scene turns them with the gaze of the take.
@@ -222,6 +249,14 @@ impl FrameSink for ClipFile {
                 self.path.display()
             )));
         }
+        let is_avatar = self.path.extension().is_some_and(|ending| ending == "vrm");
+        if is_avatar && !self.beside.source.as_deref().is_some_and(is_vrm) {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected the mesh of a VRM for a VRM, got another mesh; write a .glb, or make an avatar first with \
+                 anyface rig",
+                self.path.display()
+            )));
+        }
         let (unfinished, file) = Unfinished::create(&self.path)?;
         let writer = Writer::begin(&self.path, file, self.format, start)?;
         self.open = Some(Open {
@@ -246,6 +281,18 @@ impl FrameSink for ClipFile {
             .finish(&self.path, open.landmarks, (life, beside), progress)?;
         open.unfinished.finish()
     }
+}
+
+/// Whether the bytes of a GLB hold an avatar.
+fn is_vrm(bytes: &[u8]) -> bool {
+    let document = glb_chunks(bytes).ok();
+    let document: Option<serde_json::Value> =
+        document.and_then(|(json, _)| serde_json::from_slice(json).ok());
+    document.is_some_and(|document| {
+        ["VRM", "VRMC_vrm"]
+            .iter()
+            .any(|name| document["extensions"][name].is_object())
+    })
 }
 
 /// Writes the contents into any writer, so that tests can simulate a full disk.

@@ -13,7 +13,8 @@ pub enum Format {
     Pc2,
     /// Lightwave point cache: times and positions, big-endian; Blender, Cinema 4D, Houdini.
     Mdd,
-    /// Binary glTF: morph targets and their weights over time; browsers, engines, Blender.
+    /// Binary glTF: morph targets and their weights over time; browsers, engines, Blender. A VRM is one
+    /// too.
     Glb,
     /// USD as text: blend shapes and their weights over time; Blender, Houdini, Maya, Unreal.
     Usda,
@@ -39,11 +40,11 @@ impl Format {
             "npz" => Ok(Format::Npz),
             "pc2" => Ok(Format::Pc2),
             "mdd" => Ok(Format::Mdd),
-            "glb" => Ok(Format::Glb),
+            "glb" | "vrm" => Ok(Format::Glb),
             "usda" => Ok(Format::Usda),
             "vrma" => Ok(Format::Vrma),
             _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, .pc2, .mdd, .glb, .usda or .vrma, got {extension:?}",
+                "{}: expected a name that ends in .npz, .pc2, .mdd, .glb, .vrm, .usda or .vrma, got {extension:?}",
                 path.display()
             ))),
         }

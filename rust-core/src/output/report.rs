@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::TargetReport;
 use crate::{
     audio::Levels,
     motion::{Extent, VISIBLE_MM, Visibility, bounds::DISPLACEMENT},
@@ -49,6 +50,9 @@ pub struct Report {
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,
+    /// The morph targets of the file that the take drives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub targets: Option<TargetReport>,
     /// What `--emotion auto` heard: the times `time_s`, and at each of them the probability of every
     /// emotion, the intensity that the face shows, and valence and arousal.
     #[serde(skip_serializing_if = "Option::is_none")]

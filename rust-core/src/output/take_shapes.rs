@@ -36,6 +36,14 @@ impl TakeShapes {
         }
     }
 
+    /// The same with another rig of the same mesh.
+    pub(super) fn of_rig(&self, rig: Rig) -> TakeShapes {
+        TakeShapes {
+            rig: Arc::new(rig),
+            lips: self.lips.clone(),
+        }
+    }
+
     pub(super) fn rig(&self) -> &Rig {
         &self.rig
     }
@@ -56,17 +64,42 @@ impl TakeShapes {
         life: Option<&Life>,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
-        let mut weights = looks(moved.dim().0, life);
-        let is_looking = weights.iter().any(|w| *w > 0.0);
+        self.weights_of(&ARKIT, moved, life, progress)
+    }
+
+    /// Solves a clip as [`TakeShapes::arkit`] does for weights `[T, S]` of the shapes `names` `[S]`.
+    ///
+    /// # Errors
+    /// Those of [`solve`].
+    pub(super) fn weights_of(
+        &self,
+        names: &[&str],
+        moved: ArrayView3<'_, f32>,
+        life: Option<&Life>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let looks = looks(moved.dim().0, life);
+        let is_looking = looks.iter().any(|w| *w > 0.0);
+        let mut weights = Array2::zeros((moved.dim().0, names.len()));
+        for (mut column, name) in weights.columns_mut().into_iter().zip(names) {
+            if let Some(place) = ARKIT.iter().position(|known| known == name) {
+                column.assign(&looks.column(place));
+            }
+        }
         let left = if is_looking {
-            self.without(&weights, moved)
+            self.without(names, &weights, moved)
         } else {
             moved.to_owned()
         };
         let is_free = |name: &&str| !(is_looking && name.starts_with("eyeLook"));
-        let names: Vec<&str> = ARKIT.into_iter().filter(is_free).collect();
-        let take = |s, t, w| weights[[t, number(s)]] = w;
-        self.solve(&names, left.view(), take, progress)?;
+        let free: Vec<&str> = names.iter().copied().filter(is_free).collect();
+        let place = |name: &str| names.iter().position(|known| *known == name);
+        let take = |s: &str, t, w| {
+            if let Some(place) = place(s) {
+                weights[[t, place]] = w;
+            }
+        };
+        self.solve(&free, left.view(), take, progress)?;
         Ok(weights)
     }
 
@@ -112,10 +145,15 @@ impl TakeShapes {
         Ok(weights)
     }
 
-    /// The clip minus the displacements that these weights `[T, 52]` cause.
-    fn without(&self, weights: &Array2<f32>, moved: ArrayView3<'_, f32>) -> Array3<f32> {
+    /// The clip minus the displacements that these weights `[T, S]` of the shapes `names` `[S]` cause.
+    fn without(
+        &self,
+        names: &[&str],
+        weights: &Array2<f32>,
+        moved: ArrayView3<'_, f32>,
+    ) -> Array3<f32> {
         let mut left = moved.to_owned();
-        for (name, column) in ARKIT.iter().zip(weights.columns()) {
+        for (name, column) in names.iter().zip(weights.columns()) {
             let Some(shape) = self.shape(name) else {
                 continue;
             };

@@ -6,6 +6,8 @@
 //! that adds. If all weights are 0, the mesh is at rest. If all weights are halved, so is the
 //! motion.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
 
 use crate::{
@@ -32,6 +34,16 @@ pub(super) struct Target {
     pub moved: Vec<(u32, [f32; 3])>,
 }
 
+/// A target of a file that has the name of one of our shapes.
+pub(super) struct FileTarget {
+    pub mesh: usize,
+    /// Its number among the targets of the mesh.
+    pub number: usize,
+    pub shape: &'static str,
+    /// Whether it moves nothing, so that it can take the displacements of the shape.
+    pub is_empty: bool,
+}
+
 /// Shapes, and their weights over time.
 pub(super) struct Targets {
     pub shapes: Vec<Target>,
@@ -41,6 +53,11 @@ pub(super) struct Targets {
     pub fps: f64,
     /// Whether users look at the shapes one by one, so that each needs normals of its own.
     pub stand_alone: bool,
+    /// Targets that the file of the mesh has already, as numbers of a mesh and of a target, and the
+    /// column of their weights. Such a target is not made anew.
+    pub in_file: BTreeMap<(usize, usize), usize>,
+    /// Those of them that move nothing yet and take the displacements of their shape.
+    pub empty: BTreeSet<(usize, usize)>,
 }
 
 impl Targets {
@@ -91,6 +108,8 @@ impl Targets {
             weights,
             fps: basis.fps,
             stand_alone: false,
+            in_file: BTreeMap::new(),
+            empty: BTreeSet::new(),
         }
     }
 
@@ -119,7 +138,7 @@ impl Targets {
         names: impl IntoIterator<Item = &'a str>,
         landmarks: &[[f32; 3]; LANDMARKS],
     ) -> Targets {
-        let least = LEAST_M * units_per_metre(landmarks);
+        let least = least_displacement(landmarks);
         let shape = |name: &str| {
             let place = rig.names.iter().position(|known| known == name)?;
             let moved = sparse(rig.deltas.index_axis(Axis(0), place), 1.0, least);
@@ -132,6 +151,37 @@ impl Targets {
             shapes,
             fps: 1.0,
             stand_alone: true,
+            in_file: BTreeMap::new(),
+            empty: BTreeSet::new(),
+        }
+    }
+
+    /// Shows shapes on targets that the file of the mesh has already: numbers of a mesh and of a
+    /// target, and the name of the shape.
+    pub(super) fn on_file_targets(mut self, file_targets: &[FileTarget]) -> Targets {
+        let place = |name: &str| self.shapes.iter().position(|shape| shape.name == name);
+        let places = file_targets
+            .iter()
+            .filter_map(|target| Some(((target.mesh, target.number), place(target.shape)?)));
+        self.in_file = places.collect();
+        let empty = file_targets.iter().filter(|target| target.is_empty);
+        self.empty = empty.map(|target| (target.mesh, target.number)).collect();
+        self
+    }
+
+    /// Weights over time `[T, N]` for targets that the file of the mesh has already.
+    pub(super) fn of_file(
+        in_file: BTreeMap<(usize, usize), usize>,
+        weights: Array2<f32>,
+        fps: f64,
+    ) -> Targets {
+        Targets {
+            shapes: Vec::new(),
+            weights,
+            fps,
+            stand_alone: false,
+            in_file,
+            empty: BTreeSet::new(),
         }
     }
 
@@ -177,6 +227,11 @@ fn sparse(shape: ArrayView2<'_, f32>, scale: f32, least: f32) -> Vec<(u32, [f32;
     moved
         .filter(|(_, moved)| moved.iter().any(|x| x.abs() > least))
         .collect()
+}
+
+/// A target lists the vertices that it moves by more than this along an axis, mesh units.
+pub(super) fn least_displacement(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+    LEAST_M * units_per_metre(landmarks)
 }
 
 fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {

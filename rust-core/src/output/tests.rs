@@ -193,7 +193,7 @@ fn unknown_extensions_and_foreign_meshes_are_refused() {
     assert!(
         error
             .to_string()
-            .contains(".npz, .pc2, .mdd, .glb, .usda or .vrma"),
+            .contains(".npz, .pc2, .mdd, .glb, .vrm, .usda or .vrma"),
         "{error}"
     );
     mesh.positions.pop();

@@ -11,6 +11,7 @@
 mod by_field;
 pub(crate) mod closures;
 mod decoded;
+mod key_names;
 mod lids;
 mod looks;
 mod make;
@@ -24,6 +25,7 @@ mod visemes;
 pub use by_field::{FieldOfFace, ShapeSource};
 pub use closures::meeting_lips;
 pub use decoded::Learned;
+pub use key_names::{KeyPair, shape_of, shown_shapes};
 pub use looks::{EyeLook, eye_looks};
 pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};

@@ -73,6 +73,8 @@ pub(super) struct Primitive {
     pub extensions: PrimitiveExtensions,
     /// Accessor of each attribute.
     pub attributes: BTreeMap<String, usize>,
+    #[serde(default)]
+    pub targets: Vec<serde_json::Value>,
     pub indices: Option<usize>,
     /// 4: triangles, 5: a strip, 6: a fan.
     #[serde(default = "triangles")]

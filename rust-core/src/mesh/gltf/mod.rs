@@ -12,6 +12,7 @@ mod matrix;
 mod meshopt;
 mod pack;
 mod skin;
+mod targets;
 
 use std::ops::Range;
 
@@ -22,6 +23,7 @@ use glam::{DMat3, DVec3};
 use matrix::{IDENTITY, Matrix, apply, matrix, product};
 pub(super) use pack::{is_gltf_text, pack};
 use skin::{Blend, Skins};
+pub use targets::{GlbTarget, glb_targets};
 
 use super::Mesh;
 use crate::{Result, job::check_json};
@@ -73,18 +75,29 @@ impl GlbPart {
     /// is 0 where the file lets no displacement show. `vertex`: its number in the mesh that was
     /// read.
     pub fn stored_displacement(&self, vertex: usize, displacement: [f32; 3]) -> [f32; 3] {
-        let [a, b, c] = match self.blends.get(vertex - self.vertices.start) {
-            Some(blend) => *blend,
-            None => [0, 1, 2].map(|c| [0, 1, 2].map(|r| self.placed[c][r])),
-        };
-        let column = |column: [f32; 3]| DVec3::from_array(column.map(f64::from));
-        let shown = DMat3::from_cols(column(a), column(b), column(c));
+        let shown = self.turn(vertex);
         if shown.determinant().abs() > 0.0 {
             let stored = shown.inverse() * DVec3::from_array(displacement.map(f64::from));
             stored.as_vec3().to_array()
         } else {
             [0.0; 3]
         }
+    }
+
+    /// How a displacement of a vertex's stored position shows in the scene.
+    fn shown_displacement(&self, vertex: usize, displacement: [f32; 3]) -> [f32; 3] {
+        let shown = self.turn(vertex) * DVec3::from_array(displacement.map(f64::from));
+        shown.as_vec3().to_array()
+    }
+
+    /// How a vertex's displacements turn and scale on the way into the scene.
+    fn turn(&self, vertex: usize) -> DMat3 {
+        let [a, b, c] = match self.blends.get(vertex - self.vertices.start) {
+            Some(blend) => *blend,
+            None => [0, 1, 2].map(|c| [0, 1, 2].map(|r| self.placed[c][r])),
+        };
+        let column = |column: [f32; 3]| DVec3::from_array(column.map(f64::from));
+        DMat3::from_cols(column(a), column(b), column(c))
     }
 }
 

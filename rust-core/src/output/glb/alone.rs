@@ -4,7 +4,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::{
-    animation::{NAME, Track, animation, head, times, weights},
+    animation::{NAME, Track, WeightSource, animation, head, times, weights},
     buffer::Buffer,
     document::{Bound, Document},
     layout::Layout,
@@ -54,8 +54,7 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
         bound: vec![Bound {
             node: 0,
             mesh: 0,
-            before: 0,
-            shapes: all,
+            targets: all.into_iter().map(|shape| (shape, shape)).collect(),
         }],
     })
 }
@@ -138,8 +137,10 @@ impl Shown {
         }
         let times = times(buffer, targets.weights.nrows(), targets.fps)?;
         if !shapes.is_empty() {
+            let columns: Vec<WeightSource> =
+                shapes.iter().map(|&k| WeightSource::Column(k)).collect();
             shown.tracks.push(Track {
-                sampler: weights(buffer, times, targets, (&[], shapes))?,
+                sampler: weights(buffer, times, targets, &columns)?,
                 node: 0,
                 path: "weights",
             });

@@ -35,6 +35,15 @@ pub fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
     animation
 }
 
+/// What the weight of a target of a mesh is over time.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum WeightSource {
+    /// It keeps the weight of the file.
+    Still(f32),
+    /// It has the weights of a column of the [`Targets`].
+    Column(usize),
+}
+
 /// Adds an accessor of the times of the frames in seconds, and returns its number.
 ///
 /// # Errors
@@ -46,20 +55,21 @@ pub fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
     buffer.floats(&times, "SCALAR", bounds)
 }
 
-/// The sampler of the weights of a mesh. `before`: constant weights of the targets that the mesh
-/// already had. `columns`: columns of its new targets in `targets`.
+/// The sampler of the weights of a mesh.
 pub(super) fn weights(
     buffer: &mut Buffer,
     times: usize,
     targets: &Targets,
-    (before, columns): (&[f32], &[usize]),
+    sources: &[WeightSource],
 ) -> Result<Value> {
     let frames = targets.weights.outer_iter();
     let values = frames.flat_map(|row| {
-        let added = columns.iter().map(move |&k| row[k]);
-        before.iter().copied().chain(added)
+        sources.iter().map(move |source| match *source {
+            WeightSource::Still(weight) => weight,
+            WeightSource::Column(k) => row[k],
+        })
     });
-    let count = targets.weights.nrows() * (before.len() + columns.len());
+    let count = targets.weights.nrows() * sources.len();
     let output = buffer.scalars(count, values)?;
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }

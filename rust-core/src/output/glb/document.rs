@@ -1,6 +1,6 @@
 //! A glTF document that is being built, and how it is written to a file.
 
-use std::{io::Write, path::Path};
+use std::{collections::BTreeMap, io::Write, path::Path};
 
 use serde_json::Value;
 
@@ -10,18 +10,16 @@ use crate::{Error, Result};
 pub struct Document {
     pub json: Value,
     pub binary: Vec<u8>,
-    /// The meshes that have received shapes.
+    /// The meshes that show shapes.
     pub bound: Vec<Bound>,
 }
 
-/// A mesh of the file and the shapes that were added to it as targets.
+/// A mesh of the file and the targets that show shapes on it, old ones and new ones.
 pub struct Bound {
     pub node: usize,
     pub mesh: usize,
-    /// Number of targets that the mesh had before.
-    pub before: usize,
-    /// Numbers of the added shapes. Their targets follow the old ones in this order.
-    pub shapes: Vec<usize>,
+    /// Number of the target of each shape, by the number of the shape.
+    pub targets: BTreeMap<usize, usize>,
 }
 
 /// Writes the file at `path`.

@@ -6,7 +6,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde_json::{Value, json};
 
 use super::{
-    animation::{Track, animation, head, times, weights},
+    animation::{Track, WeightSource, animation, head, times, weights},
     buffer::Buffer,
     document::{Bound, Document},
 };
@@ -143,44 +143,86 @@ struct Extended<'a> {
 }
 
 impl Extended<'_> {
-    /// Adds to a mesh the shapes that move it, as targets, and the track of their weights.
+    /// Adds to a mesh the shapes that move it, as targets, and the track of all weights. A shape that
+    /// the mesh has as a target is not added again.
     fn bind(&mut self, mesh: usize, parts: &[&GlbPart]) -> Result<()> {
         let (node, targets) = (parts[0].node, self.targets);
-        let shapes = targets_of(parts, targets);
-        if shapes.is_empty() {
+        let mut shapes = targets_of(parts, targets);
+        if shapes.is_empty() && !targets.in_file.keys().any(|(of, _)| *of == mesh) {
             return Ok(());
         }
-        let document = &mut self.document;
+        let document = &self.document;
         let before = old_weights(&document["meshes"][mesh], &document["nodes"][node])?;
-        for part in parts {
-            let count = vertices_of(document, part);
-            let new = add_targets(&mut self.buffer, (part, count), targets, &shapes);
-            let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
-            list(primitive, "targets")?.extend(new);
+        let column = |number: usize| targets.in_file.get(&(mesh, number)).copied();
+        let mut known: BTreeMap<usize, usize> = BTreeMap::new();
+        for number in (0..before.len()).rev() {
+            known.extend(column(number).map(|shape| (shape, number)));
         }
-        name_targets(
-            &mut document["meshes"][mesh],
-            before.len(),
-            &shapes,
-            targets,
-        )?;
-        document["meshes"][mesh]["weights"] = json!(all_weights(&before, shapes.len()));
-        if document["nodes"][node].get("weights").is_some() {
-            document["nodes"][node]["weights"] = json!(all_weights(&before, shapes.len()));
+        for shape in &shapes {
+            if let Some(number) = known.get(shape)
+                && targets.empty.contains(&(mesh, *number))
+            {
+                self.fill_target((mesh, *number), parts, *shape);
+            }
+        }
+        shapes.retain(|shape| !known.contains_key(shape));
+        if !shapes.is_empty() {
+            self.add_targets(mesh, parts, &before, &shapes)?;
         }
         if let Some(times) = self.times {
+            let old = before.iter().enumerate().map(|(number, weight)| {
+                column(number).map_or(WeightSource::Still(*weight), WeightSource::Column)
+            });
+            let new = shapes.iter().map(|&shape| WeightSource::Column(shape));
+            let sources: Vec<WeightSource> = old.chain(new).collect();
             self.tracks.push(Track {
-                sampler: weights(&mut self.buffer, times, targets, (&before, &shapes))?,
+                sampler: weights(&mut self.buffer, times, targets, &sources)?,
                 node,
                 path: "weights",
             });
         }
+        known.extend(shapes.into_iter().zip(before.len()..));
         self.bound.push(Bound {
             node,
             mesh,
-            before: before.len(),
-            shapes,
+            targets: known,
         });
+        Ok(())
+    }
+
+    /// Gives the displacements of a shape to a target that moves nothing.
+    fn fill_target(&mut self, (mesh, number): (usize, usize), parts: &[&GlbPart], shape: usize) {
+        for part in parts {
+            let count = vertices_of(&self.document, part);
+            let new = new_targets(&mut self.buffer, (part, count), self.targets, &[shape]);
+            let primitive = &mut self.document["meshes"][mesh]["primitives"][part.primitive];
+            for target in new {
+                primitive["targets"][number]["POSITION"] = target["POSITION"].clone();
+            }
+        }
+    }
+
+    /// Adds shapes to the primitives of a mesh as targets. `before`: weights of its old targets.
+    fn add_targets(
+        &mut self,
+        mesh: usize,
+        parts: &[&GlbPart],
+        before: &[f32],
+        shapes: &[usize],
+    ) -> Result<()> {
+        let (node, targets) = (parts[0].node, self.targets);
+        let document = &mut self.document;
+        for part in parts {
+            let count = vertices_of(document, part);
+            let new = new_targets(&mut self.buffer, (part, count), targets, shapes);
+            let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
+            list(primitive, "targets")?.extend(new);
+        }
+        name_targets(&mut document["meshes"][mesh], before.len(), shapes, targets)?;
+        document["meshes"][mesh]["weights"] = json!(all_weights(before, shapes.len()));
+        if document["nodes"][node].get("weights").is_some() {
+            document["nodes"][node]["weights"] = json!(all_weights(before, shapes.len()));
+        }
         Ok(())
     }
 
@@ -260,7 +302,7 @@ fn within<'a>(shape: &'a Target, part: &GlbPart) -> &'a [(u32, [f32; 3])] {
 }
 
 /// Makes the targets of one primitive of `count` vertices, in the axes and units of its positions.
-fn add_targets(
+fn new_targets(
     buffer: &mut Buffer,
     (part, count): (&GlbPart, usize),
     targets: &Targets,

@@ -17,6 +17,7 @@ use crate::{
     mesh::{Landmarks, Mesh},
     output::{
         glb::{Document, document, write_document},
+        mesh_targets::with_file_targets,
         scene::{Scene, hinges},
         targets::Targets,
     },
@@ -71,7 +72,9 @@ pub fn write_avatar(
 
 /// The document with the new expressions, and the names of the expressions that they replaced.
 pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Document, Vec<String>)> {
-    let targets = Targets::of_rig(rig, shapes_of_expressions(), scene.landmarks);
+    let (rig, file_targets) = with_file_targets(rig, scene.glb())?;
+    let targets = Targets::of_rig(&rig, shapes_of_expressions(), scene.landmarks);
+    let targets = targets.on_file_targets(&file_targets);
     let mut avatar = document(scene, &targets)?;
     let place = |shape: &str| {
         targets

@@ -55,9 +55,7 @@ fn binds(
     let mut binds = Vec::new();
     for (shape, weight) in &expression.parts {
         for bound in bounds {
-            let number = place(shape).and_then(|k| bound.shapes.iter().position(|s| *s == k));
-            if let Some(number) = number {
-                let index = bound.before + number;
+            if let Some(index) = place(shape).and_then(|k| bound.targets.get(&k)) {
                 binds.push(json!({"node": bound.node, "index": index, "weight": weight}));
             }
         }

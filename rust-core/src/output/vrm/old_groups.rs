@@ -30,9 +30,7 @@ pub(super) fn add(
         let mut binds = Vec::new();
         for (shape, weight) in &expression.parts {
             for bound in &avatar.bound {
-                let number = place(shape).and_then(|k| bound.shapes.iter().position(|s| *s == k));
-                if let Some(number) = number {
-                    let index = bound.before + number;
+                if let Some(index) = place(shape).and_then(|k| bound.targets.get(&k)) {
                     binds.push(
                         json!({"mesh": bound.mesh, "index": index, "weight": 100.0 * weight}),
                     );
