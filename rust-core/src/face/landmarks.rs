@@ -11,7 +11,8 @@ use crate::{
     job::{ProgressFn, SILENT},
     mesh::{
         KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
-        ibug::LANDMARKS,
+        ibug::{INNER_LIPS, LANDMARKS},
+        lips::{lip_of_landmark, lip_of_vertices},
         snap::{eye_distance, snap_to_surface},
     },
 };
@@ -132,12 +133,14 @@ fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
     })
 }
 
-/// [`from_positions`], except that a point at its own vertex stays on that vertex.
+/// [`from_positions`], except that a point at its own vertex stays on that vertex. Where both points
+/// of a pair of inner lips lie on the same lip, the one of the other lip goes to its own.
 fn from_known(mesh: &Mesh, landmarks: &[KnownLandmark]) -> Result<Landmarks> {
     let positions: Vec<[f32; 3]> = landmarks.iter().map(|landmark| landmark.position).collect();
     let mut known = from_positions(mesh, &positions)?;
     let reach = AT_VERTEX_IN_EYE_DISTANCES * eye_distance(&known.positions);
     let used: HashSet<u32> = mesh.triangles.as_flattened().iter().copied().collect();
+    let snapped = known.clone();
     for (i, landmark) in landmarks.iter().enumerate() {
         let (point, vertex) = (landmark.position, landmark.vertex);
         known.confidence[i] = checked_confidence(i, landmark.confidence)?;
@@ -149,7 +152,24 @@ fn from_known(mesh: &Mesh, landmarks: &[KnownLandmark]) -> Result<Landmarks> {
             (known.positions[i], known.vertices[i]) = (*place, vertex);
         }
     }
+    for i in on_the_other_lip(mesh, &known) {
+        (known.positions[i], known.vertices[i]) = (snapped.positions[i], snapped.vertices[i]);
+    }
     Ok(known)
+}
+
+/// The inner-lip landmarks whose vertex lies on the other lip, where the landmark that faces them
+/// lies too.
+fn on_the_other_lip(mesh: &Mesh, landmarks: &Landmarks) -> Vec<usize> {
+    let (vertices, reach) = (&landmarks.vertices, eye_distance(&landmarks.positions));
+    let lips = lip_of_vertices(mesh, &vertices[49..54], &vertices[55..60], reach);
+    let lip_at = |i: usize| lips[vertices[i] as usize];
+    let pairs = INNER_LIPS.into_iter();
+    let together = pairs.filter(|&(upper, lower)| lip_at(upper) == lip_at(lower));
+    together
+        .flat_map(|(upper, lower)| [upper, lower])
+        .filter(|&i| lip_at(i).is_some() && lip_at(i) != lip_of_landmark(i))
+        .collect()
 }
 
 fn checked_confidence(i: usize, confidence: f32) -> Result<f32> {

@@ -15,6 +15,11 @@ const DETOUR: f32 = 1.5;
 /// 15 mm on a human head: enough for a groove, too little for the inside of a mouth.
 const GROOVE_IN_WIDTHS: f32 = 0.3;
 
+/// Lips of one surface are joined in the middle of the mouth too: by a path of at most so many widths
+/// of the mouth that leads at most so many widths away from the middle. Around the end of a slit a
+/// path leads farther, also where the landmarks lie a third too far apart.
+const GROOVE_OF_MIDDLE: (f32, f32) = (0.5, 0.15);
+
 /// Lips further apart than this share of the mouth's width are open (5 mm).
 const OPEN_IN_WIDTHS: f32 = 0.1;
 
@@ -39,7 +44,8 @@ pub enum Mouth {
 
 impl Mouth {
     /// Decides by the distance along the edges between the inner lips. The majority of the pairs
-    /// counts.
+    /// counts, unless no path joins the middle of the lips. Then the other pairs lie at the ends of a
+    /// slit that is narrower than the landmarks, or on the same lip.
     pub fn of(mesh: &Mesh, landmarks: &Landmarks) -> Mouth {
         let at = |i: usize| landmarks.positions[i];
         let width = Vec3::from(at(48)).distance(at(54).into());
@@ -50,11 +56,12 @@ impl Mouth {
             let [from, to] = [upper, lower].map(|i| landmarks.vertices[i]);
             let [a, b] = [from, to].map(|v| mesh.positions[v as usize]);
             let reach = DETOUR * Vec3::from(a).distance(b.into()) + GROOVE_IN_WIDTHS * width;
-            welded += usize::from(roads.joined(mesh, from, to, reach));
+            welded += usize::from(roads.joined(mesh, (from, to), reach, |_| true));
             gap
         });
+        let is_welded = welded >= 2 && roads.is_joined_in_the_middle(mesh, landmarks, width);
         gaps.sort_by(f32::total_cmp);
-        match (welded >= 2, gaps[1] > OPEN_IN_WIDTHS * width) {
+        match (is_welded, gaps[1] > OPEN_IN_WIDTHS * width) {
             (true, _) => Mouth::Welded,
             (false, true) => Mouth::Open,
             (false, false) => Mouth::Slit,
@@ -122,8 +129,32 @@ impl Roads {
         Roads { sewn, edges }
     }
 
-    /// Whether a path no longer than `reach` joins two vertices.
-    fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
+    /// Whether a path joins the middles of both lips and does not lead around an end of a slit.
+    fn is_joined_in_the_middle(&self, mesh: &Mesh, landmarks: &Landmarks, width: f32) -> bool {
+        let at = |i: usize| Vec3::from(landmarks.positions[i]);
+        let across = (at(54) - at(48)).normalize_or_zero();
+        let (upper, lower) = PAIRS[1];
+        let middle = at(upper).midpoint(at(lower));
+        let (length, beside) = GROOVE_OF_MIDDLE;
+        let reach = DETOUR * at(upper).distance(at(lower)) + length * width;
+        let aside = |v: u32| {
+            let way = Vec3::from(mesh.positions[v as usize]) - middle;
+            way.dot(across).abs()
+        };
+        let ends = [upper, lower].map(|i| landmarks.vertices[i]);
+        // On a coarse mesh the vertices of the landmarks may lie farther aside.
+        let most = ends.map(aside).into_iter().fold(beside * width, f32::max);
+        self.joined(mesh, ends.into(), reach, |v| aside(v) <= most)
+    }
+
+    /// Whether a path no longer than `reach` joins two vertices over vertices that are `allowed`.
+    fn joined(
+        &self,
+        mesh: &Mesh,
+        (from, to): (u32, u32),
+        reach: f32,
+        allowed: impl Fn(u32) -> bool,
+    ) -> bool {
         let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
         let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
         let mut heap = BinaryHeap::from([QueueEntry(0.0, from, ())]);
@@ -136,7 +167,7 @@ impl Roads {
                 let [a, b] = [vertex, next].map(|v| mesh.positions[v as usize]);
                 let there = distance + Vec3::from(a).distance(b.into());
                 let known = nearest.get(&next).copied().unwrap_or(f32::MAX);
-                if there <= reach && there < known {
+                if there <= reach && there < known && allowed(next) {
                     nearest.insert(next, there);
                     heap.push(QueueEntry(there, next, ()));
                 }
@@ -174,6 +205,11 @@ mod tests {
     /// A sheet at the mean mouth. If `cut`, it is cut along the inner lips over the mouth's width.
     /// The lower bank lies `drop` metres lower.
     fn sheet(cut: bool, drop: f32) -> (Mesh, Landmarks) {
+        sheet_with(cut, drop, 1.0)
+    }
+
+    /// The same with a cut of this share of the mouth's width.
+    fn sheet_with(cut: bool, drop: f32, share: f32) -> (Mesh, Landmarks) {
         let mean = canonical_landmarks();
         let middle = 0.5 * (mean[62][1] + mean[66][1]);
         let (columns, rows, step) = (81u32, 40u32, 0.0015f32);
@@ -182,7 +218,7 @@ mod tests {
             for row in 0..rows {
                 for column in 0..columns {
                     let x = (column as f32 - 40.0) * step;
-                    let inside = x.abs() < mean[54][0];
+                    let inside = x.abs() < share * mean[54][0];
                     let lower = if half < 0.0 && inside { drop } else { 0.0 };
                     let y = middle + half * row as f32 * step - lower;
                     mesh.positions.push([x, y, mean[62][2]]);
@@ -191,7 +227,7 @@ mod tests {
         }
         let number = |half: u32, row: u32, column: u32| {
             let x = (column as f32 - 40.0) * step;
-            let is_separate = row > 0 || (cut && x.abs() < mean[54][0]);
+            let is_separate = row > 0 || (cut && x.abs() < share * mean[54][0]);
             (if is_separate { half } else { 0 }) * rows * columns + row * columns + column
         };
         for half in 0..2 {
@@ -250,6 +286,14 @@ mod tests {
     fn touching_banks_of_a_cut_are_a_slit_though_they_look_like_a_seam() {
         let (mesh, landmarks) = sheet(true, 0.0);
         assert_eq!(Mouth::of(&mesh, &landmarks), Mouth::Slit);
+    }
+
+    #[test]
+    fn a_slit_narrower_than_the_landmarks_is_no_joint() {
+        for share in [0.83, 0.6, 0.45] {
+            let (mesh, landmarks) = sheet_with(true, 0.0, share);
+            assert_eq!(Mouth::of(&mesh, &landmarks), Mouth::Slit, "{share}");
+        }
     }
 
     #[test]
