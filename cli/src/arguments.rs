@@ -262,11 +262,8 @@ impl FaceArgs {
             up: self.up,
             controls: self.controls.controls()?,
             parts: PartChoices {
-                names: if self
-                    .parts
-                    .iter()
-                    .any(|(s, _)| matches!(s, PartSelector::Name(_)))
-                {
+                // A pipe can be read only once.
+                names: if file.is_file() {
                     ObjectNames::read(file)?
                 } else {
                     ObjectNames::default()

@@ -2,7 +2,7 @@
 
 use anyface::{
     Result,
-    mesh::{Mesh, ObjectNames, Part},
+    mesh::{Mesh, Part},
 };
 use clap::Args;
 
@@ -27,9 +27,8 @@ impl ListParts {
         let mesh = Mesh::read(&self.mesh)?;
         let mut warnings = Vec::new();
         let file = (&*self.mesh, &mesh);
-        let mut options = self.face.options(file, None, &mut warnings)?;
+        let options = self.face.options(file, None, &mut warnings)?;
         console.warn(&warnings);
-        options.parts.names = ObjectNames::read(&self.mesh)?;
         let face = shared
             .engine()?
             .find(&mesh, &options, &|p| console.progress(p))?;

@@ -5,6 +5,11 @@
 //! cyclops, eyes on stalks) it must be a sphere of the size of an eye that touches skin. It must
 //! lie above the tip of the nose and away from the ears, where earrings hang. Lashes are as wide as
 //! an eye but not round. Cards of single lashes are as small as a pupil but stand out of the ball.
+//!
+//! Avatars often have only the front of an eye: a cap of a ball, or a shallow disc behind the lids.
+//! It lies at an eye of the landmarks, is about as wide as high, and has points on all sides and in
+//! its middle, where lashes have none. A part that is called an eye and lies at one is an eye
+//! whatever its shape.
 //! Lengths are canonical centimetres.
 
 use glam::Vec3;
@@ -45,6 +50,46 @@ const SMALL: f32 = 0.6;
 const SMALL_BESIDE: f32 = 0.3;
 /// Such a part stands out less than this in front of the middle of the eye, in widths of the eye.
 const SMALL_BEFORE: f32 = 0.2;
+/// The middle of the front of an eye lies less than this beside that of the eye, in widths of the
+/// eye.
+const FRONT_BESIDE: f32 = 0.35;
+/// Range of the largest extent of the front of an eye, in widths of the eye.
+const FRONT_WIDTHS: (f32, f32) = (0.6, 2.0);
+/// Least ratio of its smaller to its larger extent, seen from the front.
+const FRONT_ROUND: f32 = 0.5;
+/// At least this share of its points lies in its middle, which is this share of its extent.
+const FRONT_MIDDLE: (f32, f32) = (0.1, 0.6);
+/// At least this share lies in its centre column, which is this share of its width, in the upper half
+/// and in the lower half. An arc of lashes lacks one of them.
+const FRONT_CENTRE: (f32, f32) = (0.03, 0.4);
+/// Words in the names of eyes, and words of names that are no eyes though they contain one.
+const EYE_WORDS: [&str; 8] = [
+    "eye", "eyes", "eyeball", "eyeballs", "cornea", "sclera", "iris", "pupil",
+];
+const BESIDE_EYE_WORDS: [&str; 16] = [
+    "brow",
+    "brows",
+    "eyebrow",
+    "eyebrows",
+    "lash",
+    "lashes",
+    "eyelash",
+    "eyelashes",
+    "lid",
+    "lids",
+    "shadow",
+    "liner",
+    "socket",
+    "occlusion",
+    "glasses",
+    "patch",
+];
+/// A part that is called an eye lies at most this far beside an eye, before and behind it, in widths
+/// of the eye.
+const NAMED_BESIDE: f32 = 0.6;
+const NAMED_DEPTH: (f32, f32) = (-1.5, 0.4);
+/// It is at most this large, in widths of the eye.
+const NAMED_WIDTHS: f32 = 2.5;
 /// Range of the radius of a ball elsewhere: as a share of the mean width of both eyes if they have
 /// no balls, otherwise of the radius of a ball at the eyes.
 const ELSEWHERE_OF_WIDTH: (f32, f32) = (0.2, 1.5);
@@ -89,11 +134,12 @@ impl EyeParts {
         }
     }
 
-    /// Whether each part, a list of points, belongs to an eye. `skin` is called only when the
-    /// surface of the face is needed to decide.
+    /// Whether each part, a list of points, belongs to an eye. `names`: what the file calls the
+    /// parts. `skin` is called only when the surface of the face is needed to decide.
     pub(super) fn find<'a>(
         &self,
         parts: &[Vec<[f32; 3]>],
+        names: &[Option<&str>],
         skin: impl Fn() -> &'a SurfaceTree,
     ) -> Vec<bool> {
         let at_eye: Vec<Option<Ball>> = parts.iter().map(|p| self.ball_at_an_eye(p)).collect();
@@ -109,6 +155,8 @@ impl EyeParts {
                     .is_some_and(|candidate| balls.iter().any(|ball| same(ball, &candidate)))
                 || balls.iter().any(|ball| lies_on(ball, points))
                 || self.is_small(points, &balls)
+                || (self.is_front(points, &balls) && !names[p].is_some_and(is_beside_eye))
+                || names[p].is_some_and(|name| is_name_of_eye(name) && self.is_at_an_eye(points))
         };
         parts.iter().enumerate().map(is_eye).collect()
     }
@@ -147,6 +195,51 @@ impl EyeParts {
         size && !is_nose && !at_ears && y > self.nose_tip[1]
     }
 
+    /// Whether a part is the front of an eye that has no ball.
+    fn is_front(&self, points: &[[f32; 3]], balls: &[Ball]) -> bool {
+        let bounds = Box3::of(points.iter().copied());
+        let middle = bounds.middle();
+        let half = [0, 1].map(|i| 0.5 * (bounds.high[i] - bounds.low[i]));
+        let [less, more] = [half[0].min(half[1]), half[0].max(half[1])];
+        let at = self.eyes.iter().any(|&(centre, width)| {
+            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < FRONT_BESIDE * width);
+            let deep =
+                middle[2] > centre[2] - width && bounds.high[2] < centre[2] + SMALL_BEFORE * width;
+            let size = FRONT_WIDTHS.0 * width..FRONT_WIDTHS.1 * width;
+            beside && deep && size.contains(&(2.0 * more)) && !has_ball(balls, centre, width)
+        });
+        if !at || less < FRONT_ROUND * more {
+            return false;
+        }
+        let way = |p: &[f32; 3]| [0, 1].map(|i| (p[i] - middle[i]) / half[i]);
+        let share = |is_there: &dyn Fn([f32; 2]) -> bool| {
+            let there = points.iter().filter(|p| is_there(way(p))).count();
+            there as f32 / points.len() as f32
+        };
+        let sides = [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)];
+        sides
+            .iter()
+            .all(|&(axis, sign)| share(&|w| sign * w[axis] > SIDE) >= SIDE_SHARE)
+            && share(&|w| w[0].hypot(w[1]) < FRONT_MIDDLE.1) >= FRONT_MIDDLE.0
+            && [-1.0, 1.0].iter().all(|side| {
+                let is_there = |w: [f32; 2]| w[0].abs() < FRONT_CENTRE.1 && side * w[1] > SIDE;
+                share(&is_there) >= FRONT_CENTRE.0
+            })
+    }
+
+    /// Whether a part lies where an eye is.
+    fn is_at_an_eye(&self, points: &[[f32; 3]]) -> bool {
+        let bounds = Box3::of(points.iter().copied());
+        let middle = bounds.middle();
+        self.eyes.iter().any(|&(centre, width)| {
+            let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < NAMED_BESIDE * width);
+            let depth = NAMED_DEPTH.0 * width..NAMED_DEPTH.1 * width;
+            beside
+                && depth.contains(&(middle[2] - centre[2]))
+                && bounds.largest() < NAMED_WIDTHS * width
+        })
+    }
+
     /// Whether a part is a pupil, an iris or a highlight in an eye that has no ball.
     fn is_small(&self, points: &[[f32; 3]], balls: &[Ball]) -> bool {
         let bounds = Box3::of(points.iter().copied());
@@ -155,12 +248,47 @@ impl EyeParts {
             let beside = (0..2).all(|i| (middle[i] - centre[i]).abs() < SMALL_BESIDE * width);
             let deep =
                 middle[2] > centre[2] - width && bounds.high[2] < centre[2] + SMALL_BEFORE * width;
-            let has_ball = balls
-                .iter()
-                .any(|b| Vec3::from(b.centre).distance(centre.into()) < width);
+            let has_ball = has_ball(balls, centre, width);
             beside && deep && bounds.largest() < SMALL * width && !has_ball
         })
     }
+}
+
+/// Whether a ball lies at an eye.
+fn has_ball(balls: &[Ball], eye: [f32; 3], width: f32) -> bool {
+    let mut centres = balls.iter().map(|ball| Vec3::from(ball.centre));
+    centres.any(|centre| centre.distance(eye.into()) < width)
+}
+
+/// Whether a name is that of an eye, such as `eye_left`, `EyeR` or `Wolf3D_Eyes`.
+fn is_name_of_eye(name: &str) -> bool {
+    has_word(name, &EYE_WORDS) && !is_beside_eye(name)
+}
+
+/// Whether a name is that of something at an eye, such as `lashes_left`.
+fn is_beside_eye(name: &str) -> bool {
+    has_word(name, &BESIDE_EYE_WORDS)
+}
+
+fn has_word(name: &str, known: &[&str]) -> bool {
+    words(name).iter().any(|word| known.contains(&&**word))
+}
+
+/// The words of a name in lower case. They begin at capitals and after anything that is no letter.
+pub(super) fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut was_small = false;
+    for letter in name.chars() {
+        if !letter.is_alphabetic() || (was_small && letter.is_uppercase()) {
+            words.push(String::new());
+        }
+        if let Some(word) = words.last_mut().filter(|_| letter.is_alphabetic()) {
+            word.extend(letter.to_lowercase());
+        }
+        was_small = letter.is_lowercase();
+    }
+    words.retain(|word| !word.is_empty());
+    words
 }
 
 /// Whether points lie on all four sides of a ball. A sphere may fit lashes, but their points lie on
@@ -289,6 +417,10 @@ mod tests {
 
     /// Finds the eyes among parts. The skin is a wall through the eyes, as wide as the face.
     fn are_eyes(parts: &[Vec<[f32; 3]>]) -> Vec<bool> {
+        are_named_eyes(parts, &vec![None; parts.len()])
+    }
+
+    fn are_named_eyes(parts: &[Vec<[f32; 3]>], names: &[Option<&str>]) -> Vec<bool> {
         let z = middle(&landmarks()[36..48])[2];
         let wall = Mesh {
             positions: vec![
@@ -300,7 +432,7 @@ mod tests {
             triangles: vec![[0, 1, 2], [0, 2, 3]],
         };
         let tree = SurfaceTree::new(&wall);
-        eye_parts().find(parts, || &tree)
+        eye_parts().find(parts, names, || &tree)
     }
 
     #[test]
@@ -328,6 +460,43 @@ mod tests {
             are_eyes(&parts),
             [true, true, true, true, false, false, false, false]
         );
+    }
+
+    #[test]
+    fn the_front_of_an_eye_is_an_eye_and_a_ring_of_lashes_is_not() {
+        let [right, left] = eye_parts().eyes.map(|(centre, _)| centre);
+        let behind = |c: [f32; 3]| [c[0], c[1], c[2] - 1.0];
+        let parts = [
+            // Caps of balls: nearly half of one, and a third.
+            ellipsoid(behind(right), [1.2; 3], |w| w[2] > 0.1),
+            ellipsoid(behind(left), [1.2; 3], |w| w[2] > 0.34),
+            // A closed shallow disc, and the front of one.
+            ellipsoid(right, [1.6, 1.3, 0.3], |_| true),
+            ellipsoid(left, [1.6, 1.3, 0.3], |w| w[2] > 0.0),
+            // Lashes all around the eye, and above it.
+            ellipsoid(right, [1.5, 1.2, 0.4], |w| w[2].abs() < 0.5),
+            ellipsoid(right, [1.5, 1.2, 0.4], |w| w[2].abs() < 0.5 && w[1] > 0.0),
+            lashes(right),
+        ];
+        let expected = [true, true, true, true, false, false, false];
+        assert_eq!(are_eyes(&parts), expected);
+    }
+
+    #[test]
+    fn what_is_called_an_eye_and_lies_at_one_is_an_eye() {
+        let right = eye_parts().eyes[0].0;
+        let odd = |way: [f32; 3]| way[1] > 0.1 && way[0] > -0.2;
+        let odd = ellipsoid(right, [1.0, 0.6, 0.3], odd);
+        let elsewhere = odd.iter().map(|p| [p[0], p[1] - 6.0, p[2]]).collect();
+        let parts = [odd.clone(), odd.clone(), odd, elsewhere];
+        let names = [Some("EyeLeft"), Some("Eyelashes_L"), None, Some("eye_left")];
+        assert_eq!(are_named_eyes(&parts, &names), [true, false, false, false]);
+        for name in ["Wolf3D_Eyes", "eye.R", "Eyeball_01", "CC_Base_Eye"] {
+            assert!(is_name_of_eye(name), "{name}");
+        }
+        for name in ["CC_Base_EyeOcclusion", "eyeBrow", "Eyelid", "keyed"] {
+            assert!(!is_name_of_eye(name), "{name}");
+        }
     }
 
     #[test]

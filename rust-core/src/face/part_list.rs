@@ -81,8 +81,8 @@ impl PartList {
                     .into(),
             ));
         }
-        let roles = roles(canonical, landmarks, &lists, &is_skin, &chosen);
         let names = choices.names.of_parts(&lists);
+        let roles = roles(canonical, landmarks, (&lists, &names), &is_skin, &chosen);
         let parts = (0..lists.len()).map(|p| {
             let bounds = Box3::of(lists[p].iter().map(|&v| mesh.positions[v as usize]));
             Part {
@@ -121,7 +121,7 @@ impl PartList {
 fn roles(
     canonical: &Mesh,
     landmarks: &[[f32; 3]; LANDMARKS],
-    lists: &[Vec<u32>],
+    (lists, names): (&[Vec<u32>], &[Option<&str>]),
     is_skin: &[bool],
     chosen: &[Option<PartRole>],
 ) -> Vec<PartRole> {
@@ -142,7 +142,8 @@ fn roles(
         list.map(|&v| canonical.positions[v as usize]).collect()
     };
     let points: Vec<Vec<[f32; 3]>> = unknown.iter().map(points).collect();
-    let mut unknown_roles = rules.roles(&points, skin).into_iter();
+    let names: Vec<Option<&str>> = unknown.iter().map(|&p| names[p]).collect();
+    let mut unknown_roles = rules.roles(&points, &names, skin).into_iter();
     (0..lists.len())
         .map(|p| {
             known(p).unwrap_or_else(|| unknown_roles.next().expect("a role for each unknown part"))

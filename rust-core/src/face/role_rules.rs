@@ -1,7 +1,7 @@
 //! Finds the role of each part that is not skin from its shape and its place beside the landmarks.
 //!
-//! A mesh names its parts in any language or not at all, so names say nothing. Most rules compare the box
-//! around a part with the landmarks. They are rules of thumb, and the first one that fits counts:
+//! A mesh names its parts in any language or not at all, so only names of eyes and clothes count, beside their
+//! place. Most rules compare the box around a part with the landmarks. They are rules of thumb, and the first one that fits counts:
 //!
 //! 1. Round and in a socket: an eye, and the parts that lie on it or in it ([`EyeParts`]).
 //! 2. Within the mouth's width and behind the lips: a part of the mouth. A part taller than [`TALL_CM`], such
@@ -10,17 +10,19 @@
 //! 3. A frame across both eyes that hangs below them, or a plate in front of one eye: glasses, which rest
 //!    with the skull.
 //! 4. Large and reaching well above the brows: hair or a hat, which rest with the skull.
-//! 5. Any vertex within [`REACH_CM`] of the skin: lashes, brows, beards. The part follows the skin nearest to
+//! 5. Wider than the face and reaching well below the chin, without sharing vertices with the skin as a body does:
+//!    clothes, which stay still.
+//! 6. Any vertex within [`REACH_CM`] of the skin: lashes, brows, beards. The part follows the skin nearest to
 //!    its roots.
-//! 6. Anything else is no part of the face and stays still.
+//! 7. Anything else is no part of the face and stays still.
 //!
-//! The cost of rules 2 to 4 is one pass over the vertices of a part. Only rule 5, and eyes away from the
+//! The cost of rules 2 to 4 is one pass over the vertices of a part. Only rules 5 and 6, and eyes away from the
 //! landmarks, ask for the nearest skin. The search tree is therefore a closure that builds it for the first
-//! part that needs it, and rule 5 stops at the first vertex within reach.
+//! part that needs it, and rule 6 stops at the first vertex within reach.
 //!
 //! Not obvious: the order is part of the rules. Eyeballs, teeth and glasses lie within reach of the skin and
-//! would follow it by rule 5, so that rule comes after theirs. A moustache stands out in front of the lips.
-//! It is therefore not a part of the mouth and reaches rule 5. Glasses and hair have the same role, so their
+//! would follow it by rule 6, so that rule comes after theirs. A moustache stands out in front of the lips.
+//! It is therefore not a part of the mouth and reaches rule 6. Glasses and hair have the same role, so their
 //! order does not matter.
 //!
 //! What can go wrong: a rule can only see boxes. Long hair that ends below the brows' height follows the
@@ -29,7 +31,10 @@
 //!
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 
-use super::{box3::Box3, eye_parts::EyeParts};
+use super::{
+    box3::Box3,
+    eye_parts::{EyeParts, words},
+};
 use crate::mesh::{PartRole, SurfaceTree, ibug::LANDMARKS};
 
 /// A mouth part taller than this is taken to hold both the upper and the lower jaw.
@@ -44,6 +49,15 @@ const BEFORE_EYE_CM: f32 = 0.8;
 const GLASSES_CM: f32 = 7.0;
 /// Hair is at least this large and reaches at least this far above the brows.
 const HAIR_CM: (f32, f32) = (8.0, 3.5);
+/// Clothes are wider than this many widths of the face and reach this far below the chin.
+const CLOTHES: (f32, f32) = (1.2, 5.0);
+/// Words in the names of clothes.
+const CLOTHES_WORDS: [&str; 12] = [
+    "hat", "hood", "hoodie", "helmet", "outfit", "clothes", "clothing", "shirt", "jacket", "coat",
+    "dress", "scarf",
+];
+/// A vertex this near to a vertex of the skin is the same one.
+const SAME_CM: f64 = 0.01;
 /// A part further from the skin than this does not follow it.
 pub(super) const REACH_CM: f32 = 4.0;
 
@@ -74,18 +88,22 @@ impl RoleRules {
         }
     }
 
-    /// The roles of parts. `parts`: the positions of their vertices. `skin` returns the face's surface and is
-    /// called only where it is needed.
+    /// The roles of parts. `parts`: the positions of their vertices. `names`: what the file calls them. `skin`
+    /// returns the face's surface and is called only where it is needed.
     pub(super) fn roles<'a>(
         &self,
         parts: &[Vec<[f32; 3]>],
+        names: &[Option<&str>],
         skin: impl Fn() -> &'a SurfaceTree,
     ) -> Vec<PartRole> {
-        let eyes = EyeParts::new(&self.landmarks, self.eyes, self.brows_y).find(parts, &skin);
-        let each = parts.iter().zip(eyes);
-        each.map(|(points, is_eye)| {
+        let eyes =
+            EyeParts::new(&self.landmarks, self.eyes, self.brows_y).find(parts, names, &skin);
+        let each = parts.iter().zip(names).zip(eyes);
+        each.map(|((points, name), is_eye)| {
             if is_eye {
                 PartRole::Gaze
+            } else if name.is_some_and(is_name_of_clothes) {
+                PartRole::Still
             } else {
                 self.role(points, &skin)
             }
@@ -103,6 +121,9 @@ impl RoleRules {
             return PartRole::Skull;
         }
         let skin = skin();
+        if self.is_clothes(&bounds) && !points.iter().any(|&p| is_of_skin(skin, p)) {
+            return PartRole::Still;
+        }
         if points.iter().any(|&p| is_near(skin, p)) {
             PartRole::Nearest
         } else {
@@ -151,9 +172,28 @@ impl RoleRules {
         low && ((covers(right) && covers(left)) || lens(right) || lens(left))
     }
 
+    fn is_clothes(&self, bounds: &Box3) -> bool {
+        let face = (self.landmarks[16][0] - self.landmarks[0][0]).abs();
+        let wide = bounds.high[0] - bounds.low[0];
+        wide > CLOTHES.0 * face && bounds.low[1] < self.landmarks[8][1] - CLOTHES.1
+    }
+
     fn is_hair(&self, bounds: &Box3) -> bool {
         bounds.largest() > HAIR_CM.0 && bounds.high[1] > self.brows_y + HAIR_CM.1
     }
+}
+
+/// Whether a name is that of clothes, such as `Wolf3D_Outfit_Top`.
+fn is_name_of_clothes(name: &str) -> bool {
+    let words = words(name);
+    words.iter().any(|word| CLOTHES_WORDS.contains(&&**word))
+}
+
+/// Whether a point is a vertex of the skin.
+fn is_of_skin(skin: &SurfaceTree, point: [f32; 3]) -> bool {
+    let place = skin.closest(point);
+    let is_corner = |at: [f64; 3]| at.iter().any(|share| *share > 0.98);
+    place.is_some_and(|place| place.distance < SAME_CM && is_corner(place.barycentric))
 }
 
 fn is_near(skin: &SurfaceTree, point: [f32; 3]) -> bool {
@@ -182,7 +222,7 @@ mod tests {
             .map(|c| std::array::from_fn(|i| if c >> i & 1 == 0 { low[i] } else { high[i] }))
             .collect();
         let tree = SurfaceTree::new(&skin);
-        RoleRules::of(&landmarks).roles(&[corners], || &tree)[0]
+        RoleRules::of(&landmarks).roles(&[corners], &[None], || &tree)[0]
     }
 
     /// The role of a box around the middle of some landmarks, moved by `offset`, centimetres.
@@ -256,6 +296,16 @@ mod tests {
             (
                 "moustache",
                 about(&[33, 51], [0.0, 0.0, 0.2], [2.5, 0.5, 0.5]),
+                PartRole::Nearest,
+            ),
+            (
+                "hoodie",
+                about(&[8], [0.0, -9.0, -8.0], [16.0, 11.0, 10.0]),
+                PartRole::Still,
+            ),
+            (
+                "long beard",
+                about(&[8], [0.0, -6.0, -1.0], [5.0, 8.0, 2.0]),
                 PartRole::Nearest,
             ),
             (

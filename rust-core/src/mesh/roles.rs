@@ -9,7 +9,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{Parts, parts::NO_PART, read_mesh_file};
+use super::{Parts, glb_chunks, glb_parts, parts::NO_PART, read_mesh_file};
 use crate::{Error, Result};
 
 /// How a part behaves when the face moves.
@@ -134,18 +134,48 @@ pub struct ObjectNames {
 }
 
 impl ObjectNames {
-    /// Reads the names from an OBJ file; other formats have none.
+    /// Reads the names from an OBJ or GLB file; a PLY has none.
     ///
     /// # Errors
-    /// `Io` if the file cannot be read.
+    /// `Io` if the file cannot be read, `Mesh` for a GLB that cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
         let path = path.as_ref();
         let bytes = read_mesh_file(path)?;
+        if bytes.starts_with(b"glTF") {
+            return ObjectNames::of_glb(&bytes);
+        }
         Ok(if bytes.starts_with(b"ply") || bytes.contains(&0) {
             ObjectNames::default()
         } else {
             ObjectNames::of_obj(&super::obj_text(&bytes))
         })
+    }
+
+    /// Reads the names from a GLB: those of its nodes, or of their meshes where a node has none.
+    ///
+    /// # Errors
+    /// `Mesh` for a GLB that cannot be read.
+    pub fn of_glb(bytes: &[u8]) -> Result<ObjectNames> {
+        let parts = glb_parts(bytes)?;
+        let document: serde_json::Value = serde_json::from_slice(glb_chunks(bytes)?.0)
+            .map_err(|e| Error::Mesh(format!("glTF: its description: {e}")))?;
+        let mut out = ObjectNames {
+            names: Vec::new(),
+            of_vertex: vec![NO_PART; parts.last().map_or(0, |part| part.vertices.end)],
+        };
+        for part in parts {
+            let of = |list: &str, number: usize| document[list][number]["name"].as_str();
+            let Some(name) = of("nodes", part.node).or_else(|| of("meshes", part.mesh)) else {
+                continue;
+            };
+            let known = out.names.iter().position(|known| known == name);
+            let number = known.unwrap_or_else(|| {
+                out.names.push(name.to_owned());
+                out.names.len() - 1
+            });
+            out.of_vertex[part.vertices].fill(number as u32);
+        }
+        Ok(out)
     }
 
     /// Reads the names from the text of an OBJ file.
