@@ -6,7 +6,7 @@
 //!    [`RIM_OF_WIDTH`] widths of the eye. A place on the edge moves as the two rim vertices beside
 //!    it do, so no vertex has to lie on the edge itself.
 //! 2. A vertex may be carried along if it follows skin and lies within three widths of the eye's
-//!    centre. Its root is its own position if it is skin, and otherwise the position of the skin
+//!    centre, or of its front where the eye is shallow. Its root is its own position if it is skin, and otherwise the position of the skin
 //!    that it follows.
 //! 3. A root between both edges belongs to the eye itself. Any other root belongs to the lid on its
 //!    side of the line midway between the edges.
@@ -123,7 +123,7 @@ impl Neutral<'_> {
         let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
         for (v, &p) in self.surface.positions.iter().enumerate() {
             let p = self.opening.frame.local(p);
-            let far = Vec3::from(p).length_squared() > (2.0 * self.opening.width).powi(2);
+            let far = Vec3::from(p).length_squared() > self.reach(2.0).powi(2);
             if far || !self.surface.skin.is_skin[v] || self.lid_of(p) != lid {
                 continue;
             }
@@ -138,6 +138,13 @@ impl Neutral<'_> {
         let near = nearest.iter().filter(|(away, ..)| *away < reach);
         near.map(|&(_, vertex, place)| RimVertex { vertex, place })
             .collect()
+    }
+
+    /// The distance from the ball's centre of a point that lies so many widths of the eye away. The
+    /// centre of a shallow eye lies deep in the head.
+    fn reach(&self, widths: f32) -> f32 {
+        let width = self.opening.width;
+        widths * width + (self.opening.ball.radius - width).max(0.0)
     }
 
     /// The lid on which a point lies: 0 for the upper one, 1 for the lower one.
@@ -201,7 +208,7 @@ impl Neutral<'_> {
         };
         let p = local(v);
         let whole: f32 = corners.iter().map(|(_, share)| share).sum();
-        if whole <= 0.0 || Vec3::from(p).length_squared() > (3.0 * self.opening.width).powi(2) {
+        if whole <= 0.0 || Vec3::from(p).length_squared() > self.reach(3.0).powi(2) {
             return None;
         }
         if self.surface.skin.is_skin[v] {

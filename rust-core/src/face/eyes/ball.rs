@@ -13,6 +13,11 @@ use crate::mesh::sphere;
 const RADIUS_OF_WIDTH: f32 = 0.43;
 /// A fitted radius is rejected outside this range, as factors of the usual radius.
 const RADIUS_RANGE: (f32, f32) = (0.7, 2.0);
+/// A shallow eye is a piece of a sphere of at most this many times the usual radius: 14 cm, which
+/// rises by 1.5 mm over the width of a large eye. A flatter one counts as such a piece.
+const FLATTEST: f32 = 8.0;
+/// Its front is at least this wide, in widths of the eye.
+const LEAST_ACROSS: f32 = 0.6;
 /// Points within this share of the first fit's radius belong to the inside of the eye.
 const INSIDE: f32 = 0.93;
 /// The cornea bulges by at most this, as a share of the radius.
@@ -74,6 +79,28 @@ pub(crate) fn fit_eyeball(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], 
     range.contains(&radius).then_some((centre, radius))
 }
 
+/// Centre and radius of a sphere along `points` of the front of a shallow eye, such as a disc. The
+/// sphere around a flat or hollow front touches its foremost points. `None` where the points are
+/// narrower than an eye, as those of an iris are.
+pub(crate) fn fit_shallow(points: &[[f32; 3]], width: f32) -> Option<([f32; 3], f32)> {
+    let usual = radius_of(width);
+    let front = points.iter().map(|p| p[2]).reduce(f32::max)?;
+    let across = points.iter().map(|p| p[0]);
+    let extent = across.clone().fold(f32::MIN, f32::max) - across.fold(f32::MAX, f32::min);
+    if extent < LEAST_ACROSS * width {
+        return None;
+    }
+    let range = RADIUS_RANGE.0 * usual..FLATTEST * usual;
+    let fit = sphere::fit_sphere(points.iter().copied());
+    let fit = fit.map(|(centre, radius, _)| (centre, radius));
+    fit.filter(|(centre, radius)| range.contains(radius) && centre[2] < front)
+        .or_else(|| {
+            let middle = |i: usize| points.iter().map(|p| p[i]).sum::<f32>() / points.len() as f32;
+            let radius = FLATTEST * usual;
+            Some(([middle(0), middle(1), front - radius], radius))
+        })
+}
+
 /// The usual radius of the ball behind an eye of this width.
 pub(crate) fn radius_of(width: f32) -> f32 {
     RADIUS_OF_WIDTH * width
@@ -108,6 +135,26 @@ mod tests {
         assert!((radius - 1.2).abs() < 0.05, "{radius}");
         let off = (0..3).map(|i| (centre[i] - [3.0, 4.0, 7.0][i]).abs());
         assert!(off.fold(0.0, f32::max) < 0.06, "{centre:?}");
+    }
+
+    #[test]
+    fn a_shallow_front_is_a_piece_of_a_large_sphere() {
+        let grid = (-9..10).flat_map(|i| (-9..10).map(move |j| [i, j].map(|k| 0.2 * k as f32)));
+        let grid: Vec<[f32; 2]> = grid.filter(|[x, y]| x.hypot(*y) < 1.8).collect();
+        let front = |bend: f32| -> Vec<[f32; 3]> {
+            let at = grid
+                .iter()
+                .map(|[x, y]| [*x, *y, 5.0 - bend * (x * x + y * y)]);
+            at.collect()
+        };
+        let (centre, radius) = fit_shallow(&front(0.1), 4.0).unwrap();
+        assert!((radius - 5.0).abs() < 0.3 && (centre[2] + radius - 5.0).abs() < 0.02);
+        for hollow in [0.0, -0.1] {
+            let (centre, radius) = fit_shallow(&front(hollow), 4.0).unwrap();
+            let foremost = front(hollow).iter().map(|p| p[2]).fold(0.0, f32::max);
+            assert!(radius > 10.0 && (centre[2] + radius - foremost).abs() < 1e-4);
+        }
+        assert_eq!(fit_shallow(&[], 4.0), None);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Measures how far one eye of a head is open, and finds the ball that its lids slide over.
 //!
 //! Where a head has eyeballs, the opening is the part of the ball that is visible from the front,
-//! however far the landmarks are from it. Where it has none, the opening lies between curves
+//! however far the landmarks are from it. The ball of a shallow eye is a piece of a large sphere
+//! along its front. Where a head has no eyeballs, the opening lies between curves
 //! through the landmarks. The ball is then a sphere fitted to the skin between the curves, or a
 //! sphere of usual size. The lids then count as sculpted shut where the upper lid stands out over
 //! the lower one at the lower landmarks, and the upper landmarks have no edge. Lengths are canonical
@@ -11,7 +12,7 @@ use glam::Vec3;
 
 use super::{
     Eyeball, Mix,
-    ball::{fit_eyeball, radius_of},
+    ball::{fit_eyeball, fit_shallow, radius_of},
     balls::Ball,
     joined::are_joined,
 };
@@ -219,7 +220,10 @@ impl Opening {
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
         let size = (&middle, width);
         let eyeball_of = |frame: &EyeFrame| head.near(eyeball, size, frame.origin);
-        if let Some((centre, radius)) = fit_eyeball(eyeball_of(&middle).as_flattened(), width) {
+        let pieces = eyeball_of(&middle);
+        let shape = fit_eyeball(pieces.as_flattened(), width)
+            .or_else(|| fit_shallow(&front_of(&pieces, width), width));
+        if let Some((centre, radius)) = shape {
             let frame = middle.about(centre);
             let (skin, eyeball) = (head.near(head.skin, size, frame.origin), eyeball_of(&frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
@@ -329,6 +333,19 @@ fn curves(frame: &EyeFrame, marks: &[[f32; 3]]) -> [[[f32; 3]; SAMPLES]; 2] {
             std::array::from_fn(|i| a[i] + along * (b[i] - a[i]))
         })
     })
+}
+
+/// Points of the surface of an eyeball that are seen from the front, without the skin before it.
+fn front_of(eyeball: &[[[f32; 3]; 3]], width: f32) -> Vec<[f32; 3]> {
+    let view = picture(&[], eyeball, [0.0; 3], width);
+    let cells =
+        (0..view.columns()).flat_map(|column| (0..view.rows()).map(move |row| (column, row)));
+    let seen = cells.filter(|&(column, row)| view.kind(column, row) == BALL);
+    seen.map(|(column, row)| {
+        let [x, y] = view.centre(column, row);
+        [x, y, view.depth(column, row)]
+    })
+    .collect()
 }
 
 /// Draws an eye as seen from the front. `middle`: the middle between its corners.
