@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    face::{Deformer, Face, FaceSurface, Rig, ShapeReport, binding::Follows},
+    face::{Deformer, Face, FaceSurface, Rig, ShapeReport, binding::Follows, eyes::SQUINT_M},
     job::{ProgressFn, SILENT, report},
     mesh::{Similarity, features::Features, ibug::LANDMARKS},
     models::{BuiltIn, Weights},
@@ -93,6 +93,13 @@ impl RigModel {
         move_jaw(face, head, plain, &mut deltas)?;
         report(progress, "shapes", 0.8)?;
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
+        let squint = (face.openings().can_close(), 100.0 * SQUINT_M);
+        lids::rest(
+            &mut deltas,
+            squint,
+            &face.landmarks.vertices,
+            &head.positions,
+        );
         let parts = &face.parts.connected;
         let eyes = eyeballs(&head.positions, parts, &head.follows, &head.landmarks);
         let tongue = tongue(&head.positions, &face.parts, &head.landmarks);

@@ -14,4 +14,4 @@ pub(crate) use mix::{Mix, ease};
 use opening::Head;
 pub use opening::Lids;
 pub(crate) use opening::{EyeFrame, Opening, SAMPLES};
-pub(crate) use openings::{LidDrive, Openings, UPPER_SHARE};
+pub(crate) use openings::{LidDrive, Openings, SQUINT_M, UPPER_SHARE};

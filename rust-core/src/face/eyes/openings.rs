@@ -26,7 +26,7 @@ pub(crate) const UPPER_SHARE: f32 = 0.9;
 const CANONICAL_WAY_CM: f32 = 0.789;
 
 /// Where lids cannot close, a whole blink lowers the brow by this much, canonical metres.
-const SQUINT_M: f32 = 0.003;
+pub(crate) const SQUINT_M: f32 = 0.003;
 /// The share of the blink at which the brow starts to move.
 const SQUINT_FROM: f32 = 0.4;
 
@@ -191,13 +191,20 @@ impl Openings {
         !self.more.is_empty() && !self.of_landmarks.iter().any(closes)
     }
 
+    /// Whether each eye may move the lids at its landmarks, the subject's right eye first. The brow of
+    /// an eye that may not squints instead.
+    pub(crate) fn can_close(&self) -> [bool; 2] {
+        let closes = |eye: &Option<Opening>| eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
+        let each = self.of_landmarks.each_ref().map(closes);
+        each.map(|closes| closes || self.is_elsewhere())
+    }
+
     /// Lowers the brow over lids that cannot close. The further they should close, the lower it
     /// goes.
     fn squint(&self, moved: &mut Array3<f32>) {
         for mut frame in moved.outer_iter_mut() {
-            for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
-                let can_close = eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
-                if can_close || self.is_elsewhere() {
+            for (marks, can_close) in EYES.iter().zip(self.can_close()) {
+                if can_close {
                     continue;
                 }
                 let ways = marks.pairs.map(|(u, l)| frame[[l, 1]] - frame[[u, 1]]);
