@@ -5,6 +5,8 @@
 //! less if it lies far from that place or near the border of the template. It also follows less
 //! near the lips and the lids, because these follow their landmarks.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use ndarray::{Array3, ArrayView3, Axis};
 use rayon::prelude::*;
@@ -29,6 +31,10 @@ const NEAR_CM: (f32, f32) = (1.0, 2.0);
 const BORDER_CM: (f32, f32) = (0.0, 0.5);
 const LIPS_CM: (f32, f32) = (0.2, 1.0);
 const LIDS_CM: (f32, f32) = (0.2, 0.8);
+/// Loops of landmarks around the outer and the inner lips, and points of the lips from one landmark to
+/// the next. Skin between two landmarks of a lip is as near to it as skin at them.
+const LIP_LOOPS: [Range<usize>; 2] = [48..60, 60..68];
+const POINTS_BETWEEN: usize = 5;
 /// The normals of a row and of the triangle that it follows have a cosine greater than this.
 const SAME_WAY: f32 = 0.2;
 
@@ -163,6 +169,7 @@ impl Bent {
     fn places(&self, rows: &Mesh, landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<Place> {
         let normals = rows.vertex_normals();
         let tree = SurfaceTree::new(&self.mesh);
+        let (lids, lips) = (&landmarks[36..48], lip_lines(landmarks));
         let place = |side: f32, row: usize| {
             let same = |n: usize| {
                 let facing = self.facing[n];
@@ -170,11 +177,10 @@ impl Bent {
             };
             let p = rows.positions[row];
             let closest = tree.closest_where(p, same)?;
-            let (lids, lips) = (&landmarks[36..48], &landmarks[48..]);
             let share = fade::within(closest.distance, NEAR_CM)
                 * fade::beyond(&self.border, closest.position, BORDER_CM)
                 * fade::beyond(lids, p, LIDS_CM)
-                * fade::beyond(lips, p, LIPS_CM);
+                * fade::beyond(&lips, p, LIPS_CM);
             let corners = self.mesh.triangles[closest.triangle];
             let at = corners.map(|v| self.mesh.point(v));
             let weights = closest_weights(Vec3::from(closest.position).as_dvec3(), at);
@@ -205,5 +211,39 @@ impl Bent {
             .into_iter()
             .map(|p| p.unwrap_or_else(nowhere))
             .collect()
+    }
+}
+
+/// Points along the lines through the landmarks of the lips.
+fn lip_lines(landmarks: &[[f32; 3]; LANDMARKS]) -> Vec<[f32; 3]> {
+    let mut points = Vec::new();
+    for lips in LIP_LOOPS {
+        for n in lips.clone() {
+            let next = if n + 1 == lips.end { lips.start } else { n + 1 };
+            let [from, to] = [n, next].map(|n| Vec3::from(landmarks[n]));
+            points.extend((0..POINTS_BETWEEN).map(|k| {
+                let along = k as f32 / POINTS_BETWEEN as f32;
+                from.lerp(to, along).to_array()
+            }));
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::canonical_landmarks;
+
+    #[test]
+    fn a_lip_is_near_between_its_landmarks_too() {
+        let landmarks = canonical_landmarks().map(|p| p.map(|x| CM_PER_M * x));
+        let lines = lip_lines(&landmarks);
+        assert!((48..68).all(|n| lines.contains(&landmarks[n])));
+        for (a, b) in [(61, 62), (66, 67), (57, 58), (67, 60), (59, 48)] {
+            let between = Vec3::from(landmarks[a]).midpoint(landmarks[b].into());
+            let share = fade::beyond(&lines, between.into(), LIPS_CM);
+            assert!(share < 0.05, "{a} {b}: {share}");
+        }
     }
 }
