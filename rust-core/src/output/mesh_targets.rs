@@ -487,7 +487,7 @@ mod tests {
             mesh,
             number,
             name: name.to_owned(),
-            moved: moves.then(|| (0, [0.0, 0.01, 0.0])).into_iter().collect(),
+            moved: moves.then_some((0, [0.0, 0.01, 0.0])).into_iter().collect(),
         };
         vec![
             target(0, 0, "jawOpen", true),

@@ -344,9 +344,12 @@ fn slope(of: &[f64], over: &[f64]) -> f64 {
     correlation(of, over) * deviation(of) / deviation(over).max(1e-12)
 }
 
+/// A name, and what it measures of a face `[68, 3]`.
+type Aspect = (&'static str, fn(ArrayView2<'_, f32>) -> f32);
+
 /// Scores on the parts that were left out, `predicted` `[T, 3 L]` over all takes: means over takes.
 fn scores(takes: &[Prepared], predicted: &Array2<f32>) -> Vec<AspectScore> {
-    let aspects: [(&str, fn(ndarray::ArrayView2<'_, f32>) -> f32); 4] = [
+    let aspects: [Aspect; 4] = [
         ("gap", gap),
         ("width", width),
         ("chin", |face| -face[[8, 1]]),
@@ -365,7 +368,7 @@ fn scores(takes: &[Prepared], predicted: &Array2<f32>) -> Vec<AspectScore> {
             clip
         })
         .collect();
-    let score = |(name, of): (&str, fn(ndarray::ArrayView2<'_, f32>) -> f32)| {
+    let score = |(name, of): Aspect| {
         let curve = |clip: &LandmarkClip| -> Vec<f64> {
             clip.displacements
                 .outer_iter()
