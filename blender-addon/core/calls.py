@@ -18,7 +18,7 @@ class Calls:
     """The calls of `self._library` that every part of the binding shares."""
 
     _library: CDLL
-    _handle: c_void_p | None
+    _handle: Any
     # Parts of the binding call these of one another; `native.Engine` joins them.
     _audio: Callable[..., Any]
     _face: Callable[..., Any]

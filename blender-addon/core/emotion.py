@@ -63,6 +63,8 @@ def write_shares(shares: Iterable[Share]) -> str:
 
 def read_shares(text: str) -> list[Share]:
     """Reads `happy:0.4,surprised:0.3` in order, with any sum. Raises `AnyfaceError`."""
+    if not isinstance(text, str):
+        raise AnyfaceError("input", f"emotion: expected a text such as happy:0.7, got {text!r:.60}")
     shares = []
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = item.partition(":")

@@ -4,13 +4,13 @@ An event is made of action units of the Facial Action Coding System. The library
 an artist and event files; this module only calls it.
 """
 
-import os
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
 from . import json_file, library, systems
+from .arrays import bytes_of, path_of
 from .calls import Calls
 from .errors import AnyfaceError
 
@@ -57,7 +57,7 @@ class Reader(Calls):
         Raises `AnyfaceError` where there is no library.
         """
         self._library = library.load(library.library_path())
-        self._models = os.fsencode(models) if models else None
+        self._models = path_of(models) if models else None
 
     def menu(self) -> list[str]:
         """The words that have fixed units."""
@@ -68,7 +68,7 @@ class Reader(Calls):
 
         Raises `AnyfaceError` if the model of texts cannot be used.
         """
-        read = self._read("anyface_expression_read", self._models, text.encode())
+        read = self._read("anyface_expression_read", self._models, bytes_of("expression", text))
         return Expression(units=tuple(read.pop("units")), **read)
 
     def events(self, text: str) -> list[Event]:
@@ -76,7 +76,7 @@ class Reader(Calls):
 
         Raises `AnyfaceError`, which names the event.
         """
-        rows = self._read("anyface_events_read", self._models, text.encode())
+        rows = self._read("anyface_events_read", self._models, bytes_of("events", text))
         written = [tuple(row.pop("units")) for row in rows]
         pairs = zip(rows, written, strict=True)
         return [Event(units=units, name=",".join(units), **row) for row, units in pairs]

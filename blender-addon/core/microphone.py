@@ -2,12 +2,14 @@
 
 import ctypes
 import sys
+import threading
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from .arrays import bytes_of
 from .errors import AnyfaceError
 from .library import library_path
 
@@ -66,7 +68,7 @@ def devices() -> list[str]:
 
 
 class Microphone:
-    """A device that is being recorded: mono, 16 kHz. Belongs to one thread at a time.
+    """A device that is being recorded: mono, 16 kHz. Threads may share it.
 
     `name` is a device's name or a part of it; if it is empty, the system chooses the device.
     Raises `AnyfaceError`.
@@ -75,36 +77,44 @@ class Microphone:
     def __init__(self, name: str = ""):
         self._library = _library()
         message = ctypes.create_string_buffer(_ROOM)
-        device = name.encode() if name else None
+        device = bytes_of("microphone", name) or None
         self._handle = self._library.anyface_microphone_open(device, message, len(message))
         if not self._handle:
             raise AnyfaceError("audio", message.value.decode("utf-8", "replace"))
         # Whether the device is gone. It delivers silence then, and comes back by itself.
         self.is_lost = False
         self._room = np.empty(_MOST, np.float32)
+        self._lock = threading.Lock()
 
     @property
     def name(self) -> str:
         """Name of the device."""
         room = ctypes.create_string_buffer(_ROOM)
-        self._library.anyface_microphone_name(self._handle, room, len(room))
+        with self._lock:
+            self._library.anyface_microphone_name(self._open(), room, len(room))
         return room.value.decode("utf-8", "replace")
 
     def read(self) -> np.ndarray:
         """Returns the samples `[S]` since the last call, -1 to 1, without waiting for more."""
-        if self._handle is None:
-            raise AnyfaceError("input", "microphone: expected an open one, got a closed one")
         is_lost = c_int32()
         row = self._room.ctypes.data_as(POINTER(c_float))
-        count = self._library.anyface_microphone_read(self._handle, row, _MOST, 0, byref(is_lost))
-        self.is_lost = bool(is_lost.value)
-        return self._room[:count].copy()
+        with self._lock:
+            read = self._library.anyface_microphone_read
+            count = read(self._open(), row, _MOST, 0, byref(is_lost))
+            self.is_lost = bool(is_lost.value)
+            return self._room[:count].copy()
 
     def close(self) -> None:
         """Ends recording."""
-        handle, self._handle = self._handle, None
-        if handle is not None:
-            self._library.anyface_microphone_close(handle)
+        with self._lock:
+            handle, self._handle = self._handle, None
+            if handle is not None:
+                self._library.anyface_microphone_close(handle)
+
+    def _open(self):
+        if self._handle is None:
+            raise AnyfaceError("input", "microphone: expected an open one, got a closed one")
+        return self._handle
 
     def __enter__(self):
         return self

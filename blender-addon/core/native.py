@@ -2,7 +2,7 @@
 
 import copy
 import math
-import os
+import weakref
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_uint32, c_void_p
 from pathlib import Path
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from . import sparse, systems
+from .arrays import array_of, bytes_of, number_of, path_of
 from .errors import AnyfaceError
 from .heard_emotion import HeardEmotion
 from .job import Progress
@@ -80,16 +81,22 @@ class Engine(
         `AnyfaceError`.
         """
         self._library = load(library_path())
+        self._models: _Models | None = None
         self.models = weights
         description = systems.find(system, systems.read(self._library))
         self._description, self._sliders_offered = description, description.sliders
         folders = {"cache": cache, "weights_dir": weights, "emotion_model_dir": emotion_model}
         with ExitStack() as handles:
             request = self._own(handles, "request", "anyface_request_new")
-            self._call("anyface_request_set_number", request, b"threads", threads)
+            count = number_of("threads", threads)
+            self._call("anyface_request_set_number", request, b"threads", count)
             for name, text in {"system": system, **folders}.items():
-                self._text(request, name, text or "")
-            self._handle = self._make("anyface_engine_new", request)
+                self._text(request, name, "" if text is None else text)
+            handle = self._make("anyface_engine_new", request)
+        self._models = _Models(handle.value)
+        free = self._library.anyface_engine_free
+        # The operating system frees them sooner where the program ends.
+        weakref.finalize(self._models, free, handle).atexit = False
 
     @property
     def fields(self) -> tuple[systems.Field, ...]:
@@ -102,12 +109,12 @@ class Engine(
         return self._description.controls
 
     def facing(self, forward: str, up: str) -> "Engine":
-        """An engine with the same models for meshes with other axes; valid until this one closes.
+        """An engine with the same models for meshes with other axes.
 
         Raises `AnyfaceError("input")` for a word that is not in `AXES`.
         """
         for name, axis in (("forward", forward), ("up", up)):
-            if axis not in AXES:
+            if not isinstance(axis, str) or axis not in AXES:
                 known = ", ".join(AXES)
                 raise AnyfaceError("input", f"{name}: expected one of {known}, got {axis!r}")
         other = copy.copy(self)
@@ -115,9 +122,15 @@ class Engine(
         return other
 
     def close(self) -> None:
-        """Frees the models."""
-        handle, self._handle = self._handle, None
-        self._library.anyface_engine_free(handle)
+        """Frees the models, once running calls and engines for other axes no longer use them."""
+        self._models = None
+
+    @property
+    def _handle(self) -> "_Models":
+        """The models for a call, which stay until it ends. Raises `AnyfaceError("input")`."""
+        if self._models is None:
+            raise AnyfaceError("input", "engine: expected an open one, got a closed one")
+        return self._models
 
     def emotions(self) -> list[str]:
         """The names of the emotions, in the order of their strengths."""
@@ -130,7 +143,7 @@ class Engine(
         none. Raises `AnyfaceError`, with "audio" also if more than a fifth is missing.
         """
         with ExitStack() as handles:
-            audio = self._own(handles, "audio", "anyface_audio_read", os.fsencode(path))
+            audio = self._own(handles, "audio", "anyface_audio_read", path_of(path))
             count = self._library.anyface_audio_sample_count(audio)
             samples = np.empty(count, dtype=np.float32)
             self._copy("anyface_audio_copy_samples", audio, samples)
@@ -142,7 +155,7 @@ class Engine(
         with ExitStack() as handles:
             name = "anyface_audio_read_damaged"
             try:
-                self._own(handles, "audio", name, os.fsencode(path))
+                self._own(handles, "audio", name, path_of(path))
             except AnyfaceError:
                 return False
         return True
@@ -347,7 +360,7 @@ class Engine(
         if roles is not None:
             rows["part_roles"] = np.column_stack([roles.numbers, roles.number_roles])
             # The number of no object, 2^32 - 1, becomes -1.
-            owners = np.ascontiguousarray(roles.object_of_vertex, dtype=np.uint32)
+            owners = array_of("object_of_vertex", roles.object_of_vertex, np.uint32, "V")
             rows["object_of_vertex"] = owners.view(np.int32)
             rows["object_roles"] = roles.object_roles
         for name, values in rows.items():
@@ -356,7 +369,7 @@ class Engine(
 
     def _text(self, request, name: str, text) -> None:
         """Asks for a text or a path; an empty one asks for nothing."""
-        self._call("anyface_request_set_text", request, name.encode(), os.fsencode(text))
+        self._call("anyface_request_set_text", request, name.encode(), path_of(text))
 
     def _controls(self, handles, request: Request, stage: str):
         """A request of the library with the controls of a stage."""
@@ -373,9 +386,11 @@ class Engine(
 
     def _rows(self, handle, name: bytes, times, rows) -> None:
         """Asks for rows of numbers, at `times` in seconds or at none."""
-        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        what, axes = name.decode(), ("N", "C")[: 1 if np.ndim(rows) == 1 else 2]
+        rows = array_of(what, rows, np.float64, *axes)
         columns = 1 if rows.ndim == 1 else rows.shape[1]
-        times = None if times is None else np.ascontiguousarray(times, dtype=np.float64)
+        if times is not None:
+            times = array_of(f"seconds of {what}", times, np.float64, len(rows))
         at = None if times is None else _doubles(times)
         function = "anyface_request_set_rows"
         self._call(function, handle, name, at, _doubles(rows), len(rows), columns)
@@ -383,7 +398,7 @@ class Engine(
     def _ask(self, handles, handle, kind: str, name: bytes, value, face) -> None:
         """Asks for the value of a field, of which the library says its kind."""
         if isinstance(value, str):
-            self._call("anyface_request_set_text", handle, name, value.encode())
+            self._call("anyface_request_set_text", handle, name, bytes_of(name.decode(), value))
         elif kind == "number":
             self._call("anyface_request_set_number", handle, name, value)
         elif kind == "sound":
@@ -399,13 +414,13 @@ class Engine(
             self._call("anyface_request_set_motion", handle, name, pose)
 
     def _audio(self, handles, sound):
-        samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
+        samples = array_of("samples", sound.samples, np.float32, "S")
         arguments = (_floats(samples), len(samples), 1, round(sound.rate_hz))
         return self._own(handles, "audio", "anyface_audio_new", *arguments)
 
     def _pose(self, handles, face, displacements):
         """The pose of a face whose vertices are displaced, as a motion of one frame."""
-        moved = np.ascontiguousarray(displacements, dtype=np.float32)
+        moved = array_of("pose", displacements, np.float32, "V", 3)
         arguments = (face, _floats(moved), len(moved))
         return self._own(handles, "motion", "anyface_motion_new_pose", *arguments)
 
@@ -425,6 +440,10 @@ class Engine(
 
     def _watch(self, progress: Progress) -> "_Watch":
         return _Watch(self._library, progress)
+
+
+class _Models(c_void_p):
+    """The library's engine. It is freed with the last reference to this object."""
 
 
 class _Watch:

@@ -5,6 +5,7 @@ from ctypes import POINTER, c_float, c_uint32, c_void_p
 
 import numpy as np
 
+from .arrays import array_of
 from .calls import Calls
 from .job import Progress
 from .take import CurveKeys
@@ -29,9 +30,11 @@ class CurveCalls(Calls):
         In frames that are `touching` `[T]` only a tenth of that is allowed. Raises `AnyfaceError`,
         or `Cancelled`.
         """
-        weights = np.ascontiguousarray(weights, dtype=np.float32)
-        vectors = np.ascontiguousarray(vectors, dtype=np.float32)
-        marks = None if touching is None else np.ascontiguousarray(touching, dtype=np.uint8)
+        weights = array_of("weights", weights, np.float32, "T", "K")
+        vectors = array_of("vectors", vectors, np.float32, weights.shape[1], "V", 3)
+        marks = touching
+        if touching is not None:
+            marks = array_of("touching", touching, np.uint8, len(weights))
         shapes = vectors.ctypes.data_as(_FLOATS), vectors.shape[1], tolerance
         arguments = weights.ctypes.data_as(_FLOATS), *weights.shape, *shapes, _bytes(marks)
         with ExitStack() as handles:
@@ -41,8 +44,8 @@ class CurveCalls(Calls):
 
     def few_keys_each(self, values: np.ndarray, limits: np.ndarray) -> list[CurveKeys]:
         """Few keys for curves `values` `[T, K]`; each curve has its own limit in `limits` `[K]`."""
-        values = np.ascontiguousarray(values, dtype=np.float32)
-        limits = np.ascontiguousarray(limits, dtype=np.float32)
+        values = array_of("values", values, np.float32, "T", "K")
+        limits = array_of("limits", limits, np.float32, values.shape[1])
         arguments = (
             values.ctypes.data_as(_FLOATS),
             *values.shape,

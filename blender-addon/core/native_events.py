@@ -1,7 +1,6 @@
 """Library calls about events, and about motion in the form of shape weights."""
 
 import json
-import os
 import re
 from contextlib import ExitStack
 from ctypes import POINTER, c_char_p, c_float
@@ -9,6 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from .arrays import array_of, bytes_of, path_of
 from .calls import Calls
 from .events import Event, shortened
 from .take import ShapeWeights
@@ -45,14 +45,14 @@ class EventCalls(Calls):
 
     def write_weights(self, names: list[str], weights: np.ndarray, path: str, fps: float) -> None:
         """Writes shape weights `[T, S]` unchanged as .csv or .json; raises `AnyfaceError`."""
-        weights = np.ascontiguousarray(weights, dtype=np.float32)
-        texts = (c_char_p * len(names))(*(name.encode() for name in names))
+        weights = array_of("weights", weights, np.float32, "T", len(names))
+        texts = (c_char_p * len(names))(*(bytes_of("name", name) for name in names))
         with ExitStack() as handles:
             values = (weights.ctypes.data_as(_FLOATS), len(names), len(weights))
             weights_handle = self._own(
                 handles, "weights", "anyface_weights_new_from_array", texts, *values
             )
-            self._call("anyface_weights_write", weights_handle, os.fsencode(path), fps)
+            self._call("anyface_weights_write", weights_handle, path_of(path), fps)
 
 
 def _named(note: str, events: list[Event]) -> str:

@@ -6,7 +6,9 @@ from ctypes import POINTER, byref, c_float, c_size_t, c_void_p
 
 import numpy as np
 
+from .arrays import array_of
 from .calls import Calls
+from .emotion import EMOTIONS
 from .errors import AnyfaceError
 from .job import Progress
 from .microphone import Microphone
@@ -110,7 +112,7 @@ class StreamedFace:
 
         Raises `AnyfaceError`.
         """
-        row = np.ascontiguousarray(strengths, dtype=np.float32)
+        row = array_of("emotion", strengths, np.float32, len(EMOTIONS))
         if self._strengths is None or not np.array_equal(row, self._strengths):
             self._strengths, self._feels_anew = row, True
             self._obey()
@@ -148,10 +150,8 @@ class StreamedFace:
     def _moved(self, landmarks: np.ndarray) -> np.ndarray:
         """The mesh `[V, 3]` under displacements of the landmarks `[68, 3]`."""
         engine = self._engine
-        if engine._handle is None:
-            raise AnyfaceError("internal", "the models were unloaded")
         with ExitStack() as handles:
-            row = np.ascontiguousarray(landmarks, dtype=np.float32)
+            row = array_of("landmarks", landmarks, np.float32, _LANDMARKS, 3)
             frame = (row.ctypes.data_as(_FLOATS), 1, FPS)
             motion = engine._own(handles, "motion", "anyface_motion_new_displacements", *frame)
             parts = (engine._handle, self._face, motion, c_void_p())

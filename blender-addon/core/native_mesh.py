@@ -1,11 +1,11 @@
 """Library calls about meshes: from arrays, from polygons, from files."""
 
-import os
 from contextlib import ExitStack
 from ctypes import POINTER, c_float, c_uint32
 
 import numpy as np
 
+from .arrays import array_of, path_of
 from .calls import Calls
 
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
@@ -20,7 +20,7 @@ class MeshCalls(Calls):
         Raises `AnyfaceError`.
         """
         with ExitStack() as handles:
-            mesh = self._own(handles, "mesh", "anyface_mesh_read", os.fsencode(path))
+            mesh = self._own(handles, "mesh", "anyface_mesh_read", path_of(path))
             return self._arrays(mesh)
 
     def triangulate(self, positions, sizes, corners) -> tuple[np.ndarray, np.ndarray]:
@@ -29,8 +29,9 @@ class MeshCalls(Calls):
         `sizes` `[P]` counts the corners of each; `corners` lists those of all in a row.
         Raises `AnyfaceError("mesh")`.
         """
-        positions = np.ascontiguousarray(positions, dtype=np.float32)
-        sizes, corners = (np.ascontiguousarray(row, dtype=np.uint32) for row in (sizes, corners))
+        positions = array_of("positions", positions, np.float32, "V", 3)
+        sizes = array_of("sizes", sizes, np.uint32, "P")
+        corners = array_of("corners", corners, np.uint32, "C")
         points = (_pointer(positions, _FLOATS), len(positions))
         ends = (_pointer(sizes, _INDICES), len(sizes), _pointer(corners, _INDICES), len(corners))
         with ExitStack() as handles:
@@ -38,8 +39,8 @@ class MeshCalls(Calls):
             return self._arrays(self._own(handles, *arguments))
 
     def _mesh(self, handles, positions, triangles):
-        positions = np.ascontiguousarray(positions, dtype=np.float32)
-        triangles = np.ascontiguousarray(triangles, dtype=np.uint32)
+        positions = array_of("positions", positions, np.float32, "V", 3)
+        triangles = array_of("triangles", triangles, np.uint32, "F", 3)
         points = (_pointer(positions, _FLOATS), len(positions))
         corners = (_pointer(triangles, _INDICES), len(triangles))
         return self._own(handles, "mesh", "anyface_mesh_new", *points, *corners)

@@ -1,12 +1,12 @@
 """Library calls about shapes: a rig for any face, and shape weights solved from motion."""
 
-import os
 import weakref
 from contextlib import ExitStack
 from ctypes import POINTER, c_char_p, c_float, c_uint32
 
 import numpy as np
 
+from .arrays import array_of, bytes_of, path_of
 from .calls import Calls
 from .job import Progress
 from .take import NETWORK, Rig, ShapesBy, Solved
@@ -52,7 +52,7 @@ class ShapeCalls(Calls):
             names = [self._library.anyface_rig_shape_name(rig, n).decode() for n in range(count)]
             notes = [self._library.anyface_rig_shape_note(rig, n) for n in range(count)]
             if path:
-                self._call("anyface_rig_write", rig, os.fsencode(source) or None, os.fsencode(path))
+                self._call("anyface_rig_write", rig, path_of(source) or None, path_of(path))
         pairs = zip(names, notes, strict=True)
         return Rig(names, vectors, {name: text.decode() for name, text in pairs if text})
 
@@ -77,7 +77,7 @@ class ShapeCalls(Calls):
             request = self._face_request(handles, landmarks, landmark_vertices, roles)
             arguments = self._handle, mesh, request, watch.handle
             rig = self._own(handles, "rig", "anyface_rig_new", *arguments)
-            self._call("anyface_clip_write_shapes", clip, rig, os.fsencode(path))
+            self._call("anyface_clip_write_shapes", clip, rig, path_of(path))
 
     def solve(
         self,
@@ -95,9 +95,10 @@ class ShapeCalls(Calls):
         brings a pair together, the shapes do so as well as they can. With `path` the weights are
         also written there, as .csv or .json.
         """
-        moved = np.ascontiguousarray(moved, dtype=np.float32)
-        motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
+        vectors = array_of("vectors", vectors, np.float32, len(names), "V", 3)
+        moved = array_of("moved", moved, np.float32, "T", vectors.shape[1], 3)
         shapes = _shapes(names, vectors)
+        motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
         arguments = (
             "anyface_weights_new",
             (*shapes, *motion, *_pairs(lips)),
@@ -114,7 +115,7 @@ class ShapeCalls(Calls):
             weights = np.empty(shape, dtype=np.float32)
             self._copy("anyface_weights_copy", solved, weights)
             if path:
-                self._call("anyface_weights_write", solved, os.fsencode(path), fps)
+                self._call("anyface_weights_write", solved, path_of(path), fps)
             return Solved(weights, self._library.anyface_weights_left_out(solved))
 
 
@@ -152,9 +153,11 @@ class Clip:
 
         `way` `[3, 3]` takes displacements of the clip into the space of the shapes.
         """
-        same = np.array_equal(way, np.eye(3))
-        turned = None if same else np.ascontiguousarray(way, np.float32).ctypes.data_as(_FLOATS)
-        arguments = (self, *_shapes(names, vectors), vectors.shape[1], turned, *_pairs(lips))
+        vectors = array_of("vectors", vectors, np.float32, len(names), "V", 3)
+        way = array_of("way", way, np.float32, 3, 3)
+        turned = None if np.array_equal(way, np.eye(3)) else way.ctypes.data_as(_FLOATS)
+        shapes = _shapes(names, vectors)
+        arguments = (self, *shapes, vectors.shape[1], turned, *_pairs(lips))
         shape = self.shape[0], len(names)
         function = "anyface_weights_new_of_clip"
         return self._engine._solved(function, arguments, shape, progress, path, fps)
@@ -162,12 +165,11 @@ class Clip:
 
 def _shapes(names: list[str], vectors: np.ndarray):
     """Shapes as the library takes them: names, vectors `[S, V, 3]`, and how many there are."""
-    vectors = np.ascontiguousarray(vectors, dtype=np.float32)
-    texts = (c_char_p * len(names))(*(name.encode() for name in names))
+    texts = (c_char_p * len(names))(*(bytes_of("name", name) for name in names))
     return texts, vectors.ctypes.data_as(_FLOATS), len(names)
 
 
 def _pairs(lips: np.ndarray):
     """Pairs of vertices `[N, 2]` as the library takes them, and how many there are."""
-    lips = np.ascontiguousarray(lips, dtype=np.uint32)
+    lips = array_of("lips", lips, np.uint32, "N", 2)
     return lips.ctypes.data_as(POINTER(c_uint32)), len(lips)

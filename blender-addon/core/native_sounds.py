@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .arrays import bytes_of, path_of
 from .calls import Calls
 from .errors import AnyfaceError
 from .job import Progress
@@ -38,7 +39,7 @@ class SoundCalls(Calls):
     ) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
         """As `listen`, and start and end in seconds and label of each word of `text`."""
         with ExitStack() as handles:
-            arguments = self._handle, self._audio(handles, sound), text.encode()
+            arguments = self._handle, self._audio(handles, sound), bytes_of("text", text)
             sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
             return self._closures(sounds), self._intervals(sounds, _WORDS)
 
@@ -74,7 +75,7 @@ class SoundCalls(Calls):
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
-            text = request.fields.get("text", "").encode() or None
+            text = bytes_of("text", request.fields.get("text", "")) or None
             heard = self._handle, self._audio(handles, sound), text
             said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *heard)
             closures = request.fields.get("closures")
@@ -83,7 +84,7 @@ class SoundCalls(Calls):
             arguments = clip, said, MOUTHS.index(mouths), on, hold, closure_hold, vowel_hold
             drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *arguments)
             if path:
-                self._call("anyface_sounds_write", drawn, os.fsencode(path), request.fps)
+                self._call("anyface_sounds_write", drawn, path_of(path), request.fps)
             return self._intervals(drawn, _MOUTHS)
 
     def _mended(self, handles, said, closures: np.ndarray, fps: float):
@@ -105,7 +106,7 @@ class SoundCalls(Calls):
             path = os.path.join(folder, "sounds.txt")
             with open(path, "w", encoding="utf-8") as file:
                 file.writelines(f"{a:.6f} {b:.6f} {label}\n" for a, b, label in sorted(rows))
-            return self._own(handles, "sounds", "anyface_sounds_read", os.fsencode(path), fps)
+            return self._own(handles, "sounds", "anyface_sounds_read", path_of(path), fps)
 
     def _intervals(self, sounds, tier: int) -> list[tuple[float, float, str]]:
         times = self._times(sounds, tier)
@@ -116,7 +117,7 @@ class SoundCalls(Calls):
     def read_sounds(self, path: str, fps: float) -> np.ndarray:
         """Closures as of `listen`, from a file of another tool; .dat counts frames at `fps`."""
         with ExitStack() as handles:
-            arguments = os.fsencode(path), fps
+            arguments = path_of(path), fps
             return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *arguments))
 
     def write_sounds(
@@ -134,13 +135,13 @@ class SoundCalls(Calls):
             lines = os.path.join(folder, "sounds.txt")
             with open(lines, "w", encoding="utf-8") as file:
                 file.write("\n".join(rows))
-            arguments = os.fsencode(lines), fps
+            arguments = path_of(lines), fps
             sounds = self._own(handles, "sounds", "anyface_sounds_read", *arguments)
-            self._call("anyface_sounds_write", sounds, os.fsencode(path), fps)
+            self._call("anyface_sounds_write", sounds, path_of(path), fps)
 
     def closes_lips(self, label: str) -> bool:
         """True for phones such as p, b and m."""
-        return self._library.anyface_sounds_label_closes_lips(label.encode()) == 1
+        return self._library.anyface_sounds_label_closes_lips(bytes_of("label", label)) == 1
 
     def _closures(self, sounds) -> np.ndarray:
         return self._times(sounds, _CLOSURES)

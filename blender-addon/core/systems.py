@@ -128,7 +128,8 @@ def plain_fields(*kinds: str) -> tuple[Field, ...]:
 
 def find(name: str, among: tuple[System, ...]) -> System:
     """The system called `name`; "" means the first one. Raises `AnyfaceError("input")`."""
-    match = next((system for system in among if name in ("", system.name)), None)
+    is_text = isinstance(name, str)
+    match = next((system for system in among if is_text and name in ("", system.name)), None)
     if match is None:
         names = ", ".join(system.name for system in among)
         raise AnyfaceError("input", f"system: expected one of {names}, got {name!r}")

@@ -1,11 +1,13 @@
 """Weights of shapes for live speech: samples go in, frames come out."""
 
+import threading
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_float, c_int32
 from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import array_of, number_of
 from .emotion import EMOTIONS
 from .errors import AnyfaceError
 
@@ -32,14 +34,16 @@ class Frame:
 
 
 class WeightStream:
-    """A performance in progress: `push` samples, `pull` frames. Belongs to one thread at a time.
+    """A performance in progress: `push` samples, `pull` frames.
 
-    The frames do not depend on how the sound is cut into pushes. Raises `AnyfaceError`, "input" for
+    Threads may share it: a call waits until the calls of other threads have ended. The frames do
+    not depend on how the sound is cut into pushes. Raises `AnyfaceError`, "input" for
     a system that needs the whole sound.
     """
 
     def __init__(self, engine):
         self._engine = engine
+        self._lock = threading.RLock()
         self._handles = ExitStack()
         self._handle = engine._own(
             self._handles, "weight_stream", "anyface_weight_stream_new", engine._handle
@@ -50,7 +54,8 @@ class WeightStream:
     @property
     def latency_s(self) -> float:
         """A frame can be computed once this many seconds of sound after it are there."""
-        return self._engine._library.anyface_weight_stream_latency_s(self._open())
+        with self._lock:
+            return self._engine._library.anyface_weight_stream_latency_s(self._open())
 
     @property
     def names(self) -> tuple[list[str], list[str]]:
@@ -61,7 +66,7 @@ class WeightStream:
 
     def push(self, samples) -> None:
         """Takes samples `[S]`, mono, 16 kHz, -1 to 1; any number."""
-        block = np.ascontiguousarray(samples, dtype=np.float32).reshape(-1)
+        block = array_of("samples", samples, np.float32).reshape(-1)
         self._call("push", block.ctypes.data_as(_FLOATS), len(block))
 
     def pull(self) -> Frame | None:
@@ -69,11 +74,11 @@ class WeightStream:
         shapes, visemes, head = (np.empty(n, np.float32) for n in (SHAPES, VISEMES, 3))
         is_ready = c_int32()
         rows = [row.ctypes.data_as(_FLOATS) for row in (shapes, visemes, head)]
-        self._call("pull", *rows, byref(is_ready))
-        if not is_ready.value:
-            return None
-        self._index += 1
-        return Frame(self._index - 1, shapes, visemes, head)
+        with self._lock:
+            self._call("pull", *rows, byref(is_ready))
+            index = self._index
+            self._index += is_ready.value
+        return Frame(index, shapes, visemes, head) if is_ready.value else None
 
     def frames(self):
         """All frames that are ready, one after another."""
@@ -86,20 +91,18 @@ class WeightStream:
 
     def set_emotion(self, strengths) -> None:
         """Sets the emotion from the next frame on: `[15]` strengths in the order of `EMOTIONS`."""
-        row = np.asarray(strengths, dtype=np.float32)
-        if row.shape != (len(EMOTIONS),):
-            raise AnyfaceError(
-                "input", f"emotion: expected {len(EMOTIONS)} strengths, got {row.shape}"
-            )
-        self._open()
-        self._engine._rows(self._request, b"emotion", None, row[np.newaxis])
-        self._call("obey", self._request)
+        row = array_of("emotion", strengths, np.float32, len(EMOTIONS))
+        with self._lock:
+            self._open()
+            self._engine._rows(self._request, b"emotion", None, row[np.newaxis])
+            self._call("obey", self._request)
 
     def hear_emotion(self) -> None:
         """From now on shows the emotion heard in the voice, until `set_emotion` sets one."""
-        self._open()
-        self._engine._text(self._request, "emotion", "auto")
-        self._call("obey", self._request)
+        with self._lock:
+            self._open()
+            self._engine._text(self._request, "emotion", "auto")
+            self._call("obey", self._request)
 
     def look_ahead(self, seconds: float) -> None:
         """Limits the look-ahead to `seconds`. Call it before the first sound."""
@@ -111,8 +114,9 @@ class WeightStream:
 
     def close(self) -> None:
         """Frees the stream."""
-        self._handle = None
-        self._handles.close()
+        with self._lock:
+            self._handle = None
+            self._handles.close()
 
     def __enter__(self):
         return self
@@ -121,12 +125,15 @@ class WeightStream:
         self.close()
 
     def _obey_number(self, name: bytes, number: float) -> None:
-        self._open()
-        self._engine._call("anyface_request_set_number", self._request, name, number)
-        self._call("obey", self._request)
+        number = number_of(name.decode(), number)
+        with self._lock:
+            self._open()
+            self._engine._call("anyface_request_set_number", self._request, name, number)
+            self._call("obey", self._request)
 
     def _call(self, verb: str, *arguments) -> None:
-        self._engine._call(f"anyface_weight_stream_{verb}", self._open(), *arguments)
+        with self._lock:
+            self._engine._call(f"anyface_weight_stream_{verb}", self._open(), *arguments)
 
     def _open(self):
         if self._handle is None:

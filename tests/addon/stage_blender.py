@@ -42,7 +42,6 @@ class SlowStage(Stage):
         native = addon("core.native")
         reader = native.Engine.__new__(native.Engine)
         reader._library = addon("core.library").load(addon("core.library").library_path())
-        reader._handle = None
         return reader.decode(path)
 
 

@@ -1,6 +1,7 @@
 """Animates a face while somebody is speaking."""
 
 from .core.emotion import parse
+from .core.errors import AnyfaceError
 from .core.native import Engine
 from .core.weight_stream import WeightStream
 from .talking import built_in
@@ -19,7 +20,7 @@ class Stream(WeightStream):
     Speech moves the face. Under music and noise it rests, unless `any_sound` is set. A frame waits
     until `look_ahead` seconds of sound after it have arrived. FreeTalk supports 0.19, 0.07 and 0 s;
     the shorter, the less accurate the motion.
-    Use a stream from one thread at a time. Raises `AnyfaceError` for an engine whose system needs
+    Threads may share a stream. Raises `AnyfaceError` for an engine whose system needs
     the whole sound.
     """
 
@@ -31,7 +32,9 @@ class Stream(WeightStream):
         look_ahead: float | None = None,
         engine: Engine | None = None,
     ):
-        super().__init__(engine or built_in())
+        if not isinstance(engine, Engine | None):
+            raise AnyfaceError("input", f"engine: expected an Engine, got {type(engine).__name__}")
+        super().__init__(built_in() if engine is None else engine)
         if look_ahead is not None:
             self.look_ahead(look_ahead)
         if any_sound:
@@ -48,7 +51,7 @@ class Stream(WeightStream):
 
     @emotion.setter
     def emotion(self, emotion: str) -> None:
-        if emotion == "auto":
+        if isinstance(emotion, str) and emotion == "auto":
             self.hear_emotion()
         else:
             self.set_emotion(parse(emotion))

@@ -16,17 +16,20 @@ from .arguments import (
     MeshLike,
     Points,
     SoundLike,
+    fixed_of,
     landmarks_of,
     mesh_of,
     request_of,
+    result_of,
     sound_of,
 )
 from .clip import Clip, Weights
 from .core import shapes
+from .core.errors import AnyfaceError
 from .core.job import Job
 from .core.job import Progress as Watch
 from .core.native import Engine
-from .core.take import Animation, Found, Rig
+from .core.take import Animation, Found, Rig, Sound
 
 Progress = Callable[[str, float], object]
 """Called several times a second with the stage of the work and its done share, 0 to 1."""
@@ -74,14 +77,16 @@ def animate(
     says what was wrong, or `Cancelled`.
     """
     oriented = _facing(engine, forward, up)
-    request = request_of(oriented, fps, emotion, controls or {}, events, fields)
+    request = request_of(oriented, fps, emotion, {} if controls is None else controls, events, fields)
     points = landmarks_of(landmarks)
+    others = (field.name for field in request.fields.values() if isinstance(field, Sound))
+    out = result_of(out, mesh, sound, *others)
 
     def work(watch: Watch) -> Clip:
         arrays, speech = mesh_of(mesh, oriented), sound_of(sound, oriented)
         animation = oriented.animate(*arrays, *points, speech, request, watch)
         if out:
-            oriented.write_take(*arrays, *points, None, animation.clip, os.fspath(out), watch)
+            oriented.write_take(*arrays, *points, None, animation.clip, out, watch)
         solved = _solved(oriented, arrays, points, animation, watch) if weights else None
         return _clip(request.fps, arrays, animation, solved)
 
@@ -128,7 +133,7 @@ def find_landmarks(
     others follow. The other arguments are those of `animate`.
     """
     oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
-    fixed_points = {number: np.asarray(place, np.float32) for number, place in (fixed or {}).items()}
+    fixed_points = fixed_of(fixed)
 
     def work(watch: Watch) -> Found:
         return oriented.find(*mesh_of(mesh, oriented), *points, fixed_points, None, watch)
@@ -155,10 +160,11 @@ def make_rig(
     """
     oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
     source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""
+    out = result_of(out, mesh)
 
     def work(watch: Watch) -> Rig:
         arrays = mesh_of(mesh, oriented)
-        return oriented.rig(*arrays, *points, None, watch, path=os.fspath(out), source=source)
+        return oriented.rig(*arrays, *points, None, watch, path=out, source=source)
 
     return _run(work, progress, cancel)
 
@@ -170,7 +176,9 @@ def built_in() -> Engine:
 
 
 def _facing(engine: Engine | None, forward: str, up: str) -> Engine:
-    return (engine or built_in()).facing(forward, up)
+    if not isinstance(engine, Engine | None):
+        raise AnyfaceError("input", f"engine: expected an Engine, got {type(engine).__name__}")
+    return (built_in() if engine is None else engine).facing(forward, up)
 
 
 def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None) -> Made:
