@@ -7,6 +7,7 @@ import socket
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
+from typing import get_args, get_origin
 
 from .errors import AnyfaceError
 
@@ -57,10 +58,49 @@ def parse(text: str):
 def known_fields(kind, values: dict):
     """A dataclass of `kind` from the `values` that it has fields for: later versions write more.
 
-    Raises `TypeError` or `AttributeError` if `values` is no such object.
+    Raises `TypeError` if `values` is no such object, or if a field would hold another type.
     """
-    known = {item.name for item in fields(kind)}
-    return kind(**{name: value for name, value in values.items() if name in known})
+    if not isinstance(values, dict):
+        raise TypeError(f"expected an object, got {values!r:.60}")
+    known = {item.name: item.type for item in fields(kind)}
+    chosen = {name: value for name, value in values.items() if name in known}
+    for name, value in chosen.items():
+        if not _is_of(known[name], value):
+            raise TypeError(f"{name}: expected {known[name]}, got {value!r:.60}")
+    return kind(**chosen)
+
+
+def record(kind, text):
+    """A dataclass of `kind` from a JSON text of a .blend, which anybody may have written; None if
+    it is no such text."""
+    try:
+        return known_fields(kind, json.loads(text)) if isinstance(text, str) else None
+    except (ValueError, TypeError, RecursionError):
+        return None
+
+
+def records(kind, text) -> list:
+    """As `record`, from a list of objects; empty if it is no such text."""
+    try:
+        rows = json.loads(text) if isinstance(text, str) else []
+        return [known_fields(kind, row) for row in rows] if isinstance(rows, list) else []
+    except (ValueError, TypeError, RecursionError):
+        return []
+
+
+def _is_of(kind, value) -> bool:
+    """Whether a value of a JSON text has a type such as `str` or `dict[str, list[float]]`."""
+    of, parts = get_origin(kind) or kind, get_args(kind)
+    if isinstance(value, int) and of in (int, float):
+        return -(10**_MAX_DIGITS) < value < 10**_MAX_DIGITS
+    if of is tuple:
+        is_long = isinstance(value, list) and len(value) == len(parts)
+        return is_long and all(map(_is_of, parts, value))
+    if of is dict and parts:
+        return isinstance(value, dict) and all(_is_of(parts[1], one) for one in value.values())
+    if of is list and parts:
+        return isinstance(value, list) and all(_is_of(parts[0], one) for one in value)
+    return isinstance(value, of)
 
 
 def _whole(digits: str) -> int:

@@ -18,6 +18,8 @@ TOGETHER = "emotion_and_blinks"
 ALL = (*NAMES, TOGETHER)
 _MAGIC = b"AFS1"
 _LENGTH = struct.Struct("<I")
+# A take of an hour needs less when it is unpacked.
+_LARGEST_BYTES = 512 << 20
 # Steps of 1/2047 of a column's largest change: some thousandths of a millimetre.
 _STEPS = 2047
 _OVER_TIME = "its sliders changed over time: change the curves and generate again"
@@ -29,6 +31,10 @@ _NO_EFFECT = {
     "emotion": "the take was made without an emotion",
     "blinks": "nobody blinks in this take",
 }
+
+
+# What Python raises for JSON of another shape.
+_MALFORMED = (AttributeError, KeyError, OverflowError, RecursionError, TypeError)
 
 
 @dataclass
@@ -103,14 +109,19 @@ def unpack(packed: bytes) -> dict[str, SliderChange]:
     try:
         head = json.loads(packed[start : start + length])
         (count, frames, columns), knots = head["shape"], head["knots"]
-        body = zlib.decompress(packed[start + length :])
-    except (KeyError, TypeError, zlib.error) as error:
+        ends = np.cumsum([len(places) for places in knots.values()])[:-1]
+        # A few bytes could unpack into more than the memory holds.
+        size = min(2 * count * columns * (2 + frames), _LARGEST_BYTES)
+        unpacker = zlib.decompressobj()
+        body = unpacker.decompress(packed[start + length :], size + 1)
+    except (*_MALFORMED, zlib.error) as error:
         raise ValueError(f"sliders: expected what Anyface has packed: {error}") from error
+    if len(body) != size or not unpacker.eof:
+        raise ValueError(f"sliders: expected {size} bytes, got more or fewer")
     scale = np.frombuffer(body, "<f4", count * columns).reshape(count, 1, columns)
     halves = np.frombuffer(body, np.uint8, offset=scale.nbytes).reshape(2, -1)
     steps = np.ascontiguousarray(halves.T).view("<i2").reshape(count, columns, frames)
     changes = np.cumsum(steps, axis=2, dtype=np.int16).swapaxes(1, 2) * (scale / _STEPS)
-    ends = np.cumsum([len(places) for places in knots.values()])[:-1]
     parts = np.split(changes.astype(np.float32), ends)
     pairs = zip(knots.items(), parts, strict=True)
     return {name: SliderChange(np.array(places), part) for (name, places), part in pairs}

@@ -33,13 +33,7 @@ class Identity:
 
 def read(ob) -> Identity | None:
     """The identity stored on an object, even if the object is a copy; None if there is none."""
-    text = getattr(ob, PROPERTY, "")
-    if not text:
-        return None
-    try:
-        return json_file.known_fields(Identity, json.loads(text))
-    except (ValueError, TypeError, AttributeError):
-        return None
+    return json_file.record(Identity, getattr(ob, PROPERTY, ""))
 
 
 def write(ob, identity: Identity) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from ...core import finding, wording
+from ...core import finding, json_file, wording
 from ...core.errors import AnyfaceError
 from ...core.job import Progress
-from ...core.take import FaceMesh, Found
+from ...core.take import LIDS, MOUTHS, FaceMesh, Found
 from . import mesh, rest
 
 COUNT = 68
@@ -79,21 +79,32 @@ def load(ob) -> Stored | None:
     if points is None and vertices is None:
         return None
     if points is None:
-        points = mesh.read_basis(ob.data)[vertices]
+        basis = mesh.read_basis(ob.data)
+        if vertices.max() >= len(basis):
+            text = f"expected landmarks on its {len(basis)} vertices, got {vertices.max()}"
+            raise AnyfaceError("input", f"{ob.name}: {text}: find them again")
+        points = basis[vertices]
     stored = Stored(np.asarray(points, dtype=np.float64), np.ones(COUNT))
     rows = _rows(text)
     if rows is not None:
-        stored.confidence = np.array([row.get("confidence", 1.0) for row in rows["landmarks"]])
-        stored.mouth = rows.get("mouth", "")
-        stored.lids = tuple(rows.get("lids", stored.lids))
-        stored.fixed = {row["index"] for row in rows["landmarks"] if row.get("fixed")}
+        # Anybody may have written the text. What does not fit counts as missing.
+        confidence = [row.get("confidence", 1.0) for row in rows["landmarks"]]
+        if len(confidence) == COUNT and all(isinstance(one, int | float) for one in confidence):
+            stored.confidence = np.array(confidence, dtype=np.float64)
+        if rows.get("mouth") in MOUTHS:
+            stored.mouth = rows["mouth"]
+        lids = rows.get("lids")
+        if isinstance(lids, list) and len(lids) == 2 and all(lid in LIDS for lid in lids):
+            stored.lids = tuple(lids)
+        numbers = [row["index"] for row in rows["landmarks"] if row.get("fixed")]
+        stored.fixed = {number for number in numbers if number in range(COUNT)}
     return stored
 
 
 def _rows(text) -> dict | None:
     if not isinstance(text, str) or not text.lstrip().startswith("{"):
         return None
-    value = json.loads(text)
+    value = json_file.parse(text)
     if "landmarks" not in value:
         return None
     value["landmarks"].sort(key=lambda row: row["index"])

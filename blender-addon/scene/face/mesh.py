@@ -1,6 +1,6 @@
 """Reads the face: the Basis of a mesh object, its triangles, its landmarks."""
 
-import json
+import os
 
 import bpy
 import numpy as np
@@ -167,9 +167,12 @@ def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | 
 
 def _load(text: str, ob):
     if text.lstrip()[:1] not in ("[", "{"):
-        return json_file.read(bpy.path.abspath(text, library=ob.library))
+        path = bpy.path.abspath(text, library=ob.library)
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise AnyfaceError("file", f"{path}: expected a file of landmarks, got no file")
+        return json_file.read(path)
     try:
-        return json.loads(text)
+        return json_file.parse(text)
     except ValueError as error:
         raise AnyfaceError("input", f"{LANDMARKS_PROPERTY}: not JSON: {error}") from error
 
@@ -191,16 +194,25 @@ def _from_file(rows, ob, box=None):
     if len(vertices) != 68:
         return _as_landmarks(positions)
     basis = read_basis(ob.data)
-    if box is not None and np.shape(box) == (2, 3):
+    if positions.shape != (68, 3):
+        return _as_landmarks(positions)
+    if _is_box(box):
         near = 1e-3 * np.ptp(basis, axis=0).max()
         if np.abs(box_of(basis) - np.array(box)).max() <= near:
             return _as_landmarks(positions)[0], vertices
-    if positions.ndim != 2 or vertices.max() >= len(basis):
+    if vertices.max() >= len(basis):
         return _as_landmarks(positions)
     size = np.ptp(positions, axis=0).max()
     apart = np.linalg.norm(basis[vertices] - positions, axis=1).max()
     points, _ = _as_landmarks(positions)
     return (points if apart < 0.05 * size else None), vertices
+
+
+def _is_box(box) -> bool:
+    """Whether a value of a text is two corners."""
+    rows = box if isinstance(box, list) and len(box) == 2 else []
+    numbers = [one for row in rows if isinstance(row, list) and len(row) == 3 for one in row]
+    return len(numbers) == 6 and all(isinstance(one, int | float) for one in numbers)
 
 
 def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -181,11 +181,7 @@ def _owned(ob) -> list[tuple]:
 
 
 def _entries(other) -> list[Entry]:
-    try:
-        rows = json.loads(other.get(ENTRIES, "[]"))
-        return [json_file.known_fields(Entry, row) for row in rows]
-    except (ValueError, TypeError, AttributeError):
-        return []
+    return json_file.records(Entry, other.get(ENTRIES))
 
 
 def _store(other, entries: list[Entry]) -> None:

@@ -67,12 +67,13 @@ class Entry:
 
 def read(ob) -> Entry | None:
     """The record of the chart on an object, or None."""
-    text = ob.get(PROPERTY)
+    entry = json_file.record(Entry, ob.get(PROPERTY))
     try:
-        fields = json.loads(text) if isinstance(text, str) else None
-        return json_file.known_fields(Entry, fields) if fields is not None else None
-    except (ValueError, TypeError, AttributeError):
+        for undo in entry.on.values() if entry is not None else ():
+            json_file.known_fields(Undo, undo)
+    except TypeError:
         return None
+    return entry
 
 
 def shown_by(speaker) -> list:

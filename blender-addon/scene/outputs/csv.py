@@ -2,11 +2,12 @@
 
 import hashlib
 import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import bpy
 
-from ...core import plan, wording
+from ...core import json_file, plan, wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import RIG_S, SOLVE_S, Cost
 from ...core.job import BEGUN
@@ -19,6 +20,18 @@ from .output import Output, check_place
 PROPERTY = "anyface_csv"
 # Bytes of a number in a table, and the number of columns.
 _NUMBER, _COLUMNS = 9, 63
+_SUFFIX = ".csv"
+
+
+@dataclass
+class _Note:
+    """The path of a table, the id of its object, and the digest of the table and name of the .blend
+    when it was written."""
+
+    path: str
+    owner: str
+    digest: str
+    blend: str = ""
 
 
 class Csv(Output):
@@ -40,7 +53,7 @@ class Csv(Output):
         super().check(ob, settings)
         check_place(settings.csv_file)
         path = _path_of(ob, settings.csv_file)
-        if path.suffix.lower() != ".csv":
+        if path.suffix.lower() != _SUFFIX:
             raise AnyfaceError("file", f"{path}: expected a name that ends in .csv")
         if path.exists() and not self._is_ours(ob, path):
             raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
@@ -62,16 +75,17 @@ class Csv(Output):
         plan.put(file)
         # A linked object cannot store the path.
         if ob.library is None:
-            noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
-            ob[PROPERTY] = json.dumps(noted | {"blend": _blend()})
+            note = _Note(str(path), identity.of(ob), _digest(path), _blend())
+            ob[PROPERTY] = json.dumps(asdict(note))
 
     def find(self, ob):
-        try:
-            noted = json.loads(ob[PROPERTY])
-            # A copy of the object has the same note, but the table belongs to the original.
-            return Path(noted["path"]) if noted["owner"] == identity.known(ob) else None
-        except (KeyError, ValueError, TypeError):
+        note = json_file.record(_Note, ob.get(PROPERTY))
+        # A copy of the object has the same note, but the table belongs to the original.
+        if note is None or note.owner != identity.known(ob):
             return None
+        # Anybody may have written the note: no file of another kind is read or deleted.
+        path = Path(note.path)
+        return path if path.suffix.lower() == _SUFFIX and "\0" not in note.path else None
 
     def span(self, ob, snapshot):
         start, step, _ = super().span(ob, snapshot)
@@ -97,9 +111,9 @@ class Csv(Output):
     def _is_ours(self, ob, path: Path) -> bool:
         if self.find(ob) != path or not path.is_file():
             return False
-        noted = json.loads(ob[PROPERTY])
+        note = json_file.record(_Note, ob.get(PROPERTY))
         # A .blend that was saved under another name points to the same table, but does not own it.
-        return noted.get("blend") == _blend() and noted["digest"] == _digest(path)
+        return note.blend == _blend() and note.digest == _digest(path)
 
 
 def _path_of(ob, path: str) -> Path:

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 import bpy
 import numpy as np
 
+from ...core import json_file
 from ...core.errors import AnyfaceError
 from .. import identity
 from ..animation import curves, stand_in
@@ -267,7 +268,4 @@ def _id(block) -> str:
 
 
 def _read(action) -> Mark | None:
-    try:
-        return Mark(**json.loads(action[MARK]))
-    except (KeyError, ValueError, TypeError):
-        return None
+    return json_file.record(Mark, action.get(MARK))

@@ -70,10 +70,7 @@ class Record:
 def read(shape_keys) -> Record | None:
     """The record of the current take, or None. `shape_keys` may be None."""
     text = shape_keys.get(PROPERTY) if shape_keys is not None else None
-    try:
-        return json_file.known_fields(Record, json.loads(text)) if isinstance(text, str) else None
-    except (ValueError, TypeError, AttributeError):
-        return None
+    return json_file.record(Record, text)
 
 
 def write(shape_keys, record: Record) -> None:
@@ -90,10 +87,7 @@ def clear(shape_keys) -> None:
 def read_kept(shape_keys) -> list[Record]:
     """The takes that wait beside the current one."""
     text = shape_keys.get(KEPT) if shape_keys is not None else None
-    try:
-        return [json_file.known_fields(Record, row) for row in json.loads(text or "[]")]
-    except (ValueError, TypeError, AttributeError):
-        return []
+    return json_file.records(Record, text)
 
 
 def write_kept(shape_keys, records: list[Record]) -> None:

@@ -42,19 +42,20 @@ def bring_back(ob) -> None:
     """Sets the panel to the settings of the playing take; animation of the settings stays."""
     take_record = record.read(ob.data.shape_keys)
     settings = take_record.asked if take_record is not None else {}
-    if "emotion" in settings.get("anyface", {}):
+    if "emotion" in _object(settings, "anyface"):
         # Takes of earlier versions have a single emotion, not a mixture.
         ob.anyface.mixed = ""
     for name in GROUPS:
-        _set(getattr(ob, name), settings.get(name, {}))
-    if "chosen" in settings:
+        _set(getattr(ob, name), _object(settings, name))
+    chosen = settings.get("chosen")
+    if isinstance(chosen, list):
         ob.anyface_audio.chosen.clear()
-        for name in settings["chosen"]:
-            ob.anyface_audio.chosen.add().name = name
+        for name in chosen:
+            ob.anyface_audio.chosen.add().name = str(name)
     if _REPORT in settings:
-        ob.anyface.report, ob.anyface.report_is_error = settings[_REPORT], False
-    ob.anyface.last_frame = settings.get(_LAST, 0)
-    ob.anyface.report_details = settings.get(_DETAILS, "")
+        ob.anyface.report_is_error = False
+    said = {_REPORT: settings.get(_REPORT, ob.anyface.report), _LAST: settings.get(_LAST, 0)}
+    _set(ob.anyface, said | {_DETAILS: settings.get(_DETAILS, "")})
 
 
 def _values(group) -> dict:
@@ -67,10 +68,16 @@ def _values(group) -> dict:
     }
 
 
+def _object(settings: dict, name: str) -> dict:
+    """The object of this name in stored settings; empty if somebody stored something else."""
+    found = settings.get(name)
+    return found if isinstance(found, dict) else {}
+
+
 def _set(group, values: dict) -> None:
     for name, value in values.items():
         # The take may come from another version, with other settings or choices.
         try:
             setattr(group, name, value)
-        except (AttributeError, TypeError):
+        except (AttributeError, TypeError, ValueError, OverflowError):
             continue
