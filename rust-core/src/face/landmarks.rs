@@ -90,7 +90,7 @@ fn from_positions(mesh: &Mesh, positions: &[[f32; 3]]) -> Result<Landmarks> {
         let message = format!("landmark {}: position is not finite", i / 3);
         return Err(Error::InvalidInput(message));
     }
-    let landmarks = snap_to_surface(mesh, &positions);
+    let landmarks = snap_to_surface(mesh, &positions)?;
     let eyes = eye_distance(&positions);
     for (i, (p, q)) in positions.iter().zip(&landmarks.positions).enumerate() {
         let distance = Vec3::from(*p).distance((*q).into());

@@ -11,6 +11,7 @@ use super::{
     parts::weld_seams,
     tree::SurfacePoint,
 };
+use crate::{Error, Result};
 
 /// How much further from a landmark than the nearest surface the skin, or the landmark's own lip,
 /// may be, as a share of the distance between the outer eye corners (7 mm on a human head). If it
@@ -18,14 +19,28 @@ use super::{
 const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 
 /// Moves every point to the nearest skin. If the mesh has a mouth that opens, inner-lip points stay
-/// on their own lip. All confidences are 1. The mesh must have triangles.
-pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
+/// on their own lip. All confidences are 1.
+///
+/// # Errors
+/// `InvalidInput` for a mesh without triangles, and for a point so far from them that no number
+/// holds the square of the distance.
+pub(crate) fn snap_to_surface(
+    mesh: &Mesh,
+    positions: &[[f32; 3]; LANDMARKS],
+) -> Result<Landmarks> {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
     let surface = SurfaceTree::new(mesh);
-    let mut snapped: Vec<SurfacePoint> = nearest_where(&surface, positions, |_, _| true)
-        .into_iter()
-        .map(|point| point.expect("the mesh has triangles"))
-        .collect();
+    let nearest = nearest_where(&surface, positions, |_, _| true).into_iter();
+    let nearest = nearest.enumerate().map(|(i, point)| {
+        point.ok_or_else(|| {
+            Error::InvalidInput(format!(
+                "landmark {i}: expected a place near the mesh, got {:?}; are the landmarks in the \
+                 mesh's own units and axes?",
+                positions[i]
+            ))
+        })
+    });
+    let mut snapped: Vec<SurfacePoint> = nearest.collect::<Result<_>>()?;
     if let Some(skin) = skin_of(mesh, &snapped) {
         let on_skin = nearest_where(&surface, positions, |_, t| {
             skin[mesh.triangles[t][0] as usize]
@@ -49,11 +64,11 @@ pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
         })
     });
     prefer(&mut snapped, on_own_lip, detour);
-    Landmarks {
+    Ok(Landmarks {
         positions: std::array::from_fn(|i| snapped[i].position),
         vertices: std::array::from_fn(|i| nearest_corner(mesh, &snapped[i])),
         confidence: [1.0; LANDMARKS],
-    }
+    })
 }
 
 /// The nearest point to every landmark among the triangles that `allowed` (landmark, triangle)
@@ -145,7 +160,7 @@ mod tests {
     fn landmarks_prefer_the_skin_to_an_eyeball() {
         let positions = canonical_landmarks().map(|[x, y, _]| [x, y, depth(x) + 0.003]);
         let mesh = sheet_with_eyeball(positions[37]);
-        let snapped = snap_to_surface(&mesh, &positions);
+        let snapped = snap_to_surface(&mesh, &positions).unwrap();
         assert!(snapped.vertices[37] < 3600);
         assert!(Vec3::from(snapped.positions[37]).distance(positions[37].into()) < 0.004);
     }
@@ -154,7 +169,16 @@ mod tests {
     fn a_far_skin_is_no_reason_to_leave_the_nearest_surface() {
         let mut positions = canonical_landmarks().map(|[x, y, _]| [x, y, depth(x)]);
         positions[37][2] += 0.03;
-        let snapped = snap_to_surface(&sheet_with_eyeball(positions[37]), &positions);
+        let snapped = snap_to_surface(&sheet_with_eyeball(positions[37]), &positions).unwrap();
         assert!(snapped.vertices[37] >= 3600);
+    }
+
+    #[test]
+    fn points_beyond_all_numbers_are_refused() {
+        let mut positions = *canonical_landmarks();
+        let mesh = sheet_with_eyeball(positions[37]);
+        positions[9] = [1e30, 0.0, 0.0];
+        let refused = snap_to_surface(&mesh, &positions).map(|_| ());
+        assert!(refused.unwrap_err().to_string().contains("landmark 9"));
     }
 }

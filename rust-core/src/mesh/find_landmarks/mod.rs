@@ -453,7 +453,7 @@ impl LandmarkFinder {
         }
         let (positions, confidence) = self.prior.refine(&measured)?;
         let to_mesh = to_canonical.inverse();
-        let mut landmarks = snap_to_surface(mesh, &positions.map(|p| to_mesh.apply(p)));
+        let mut landmarks = snap_to_surface(mesh, &positions.map(|p| to_mesh.apply(p)))?;
         landmarks.confidence = confidence;
         let fit = canonical::fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))?;
         canonical::check(&fit, &landmarks.confidence)
