@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array2, Array3, Axis, s};
+use ndarray::{Array2, Array3, Axis, ShapeBuilder, s};
 
 use super::{
     VertexClip,
@@ -45,7 +45,7 @@ pub struct LongClip<'a> {
 }
 
 /// Does the same as [`super::compression::compress`] with memory for some frames and for all
-/// weights.
+/// weights, which lie column by column.
 ///
 /// # Errors
 /// Those of [`super::compression::compress`] and of the clip.
@@ -106,7 +106,8 @@ impl LongClip<'_> {
     fn fit(&mut self, basis: &mut VertexBasis, progress: ProgressFn<'_>) -> Result<Vec<f32>> {
         let all: Vec<u32> = (0..self.vertices as u32).collect();
         let projection = Projection::new(basis, &all)?;
-        let mut weights = Array2::zeros((self.frames, projection.shapes()));
+        // Column by column, so that more columns may be added without a copy.
+        let mut weights = Array2::zeros((self.frames, projection.shapes()).f());
         let mut errors = Vec::with_capacity(self.frames);
         for range in self.blocks() {
             report(
@@ -157,7 +158,8 @@ impl LongClip<'_> {
             let block = (self.read)(range.clone())?;
             let flat = block.into_shape_with_order((range.len(), 3 * vertices));
             let flat = flat.expect("row-major");
-            let mut weights = basis.weights.slice(s![range.clone(), ..]).to_owned();
+            let weights = basis.weights.slice(s![range.clone(), ..]);
+            let mut weights = weights.as_standard_layout().into_owned();
             let bound = (max_error, basis.max_error);
             error = error.max(sparsify(&flat, &mut weights, &shapes, bound, &watch)?);
             basis.weights.slice_mut(s![range, ..]).assign(&weights);

@@ -24,10 +24,7 @@ const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 /// # Errors
 /// `InvalidInput` for a mesh without triangles, and for a point so far from them that no number
 /// holds the square of the distance.
-pub(crate) fn snap_to_surface(
-    mesh: &Mesh,
-    positions: &[[f32; 3]; LANDMARKS],
-) -> Result<Landmarks> {
+pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Result<Landmarks> {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
     let surface = SurfaceTree::new(mesh);
     let nearest = nearest_where(&surface, positions, |_, _| true).into_iter();

@@ -21,7 +21,7 @@ use super::{
     pc2,
     rows::Rows,
     scene::Scene,
-    take_shapes::{TakeShapes, looks},
+    take_shapes::TakeShapes,
     targets::Targets,
     usd::write_usd,
     vrm::{VrmNames, VrmWeights, write_vrm_animation},
@@ -85,11 +85,12 @@ impl Beside {
             return targets.playing(&mut moved, scene.life, progress);
         }
         let Some(shapes) = &self.shapes else {
-            let frames = moved.frames();
             let basis = moved.into_basis(Targets::max_error(scene.landmarks), progress)?;
             let targets = Targets::of_basis(basis, scene.landmarks);
-            let weights = looks(frames, scene.life);
-            return Ok(targets.with_looks(&self.eyes, weights.view()));
+            return Ok(match scene.life {
+                Some(life) => targets.with_looks(&self.eyes, life),
+                None => targets,
+            });
         };
         let (rig, file_targets) = with_file_targets(shapes.rig(), scene.source)?;
         let targets = Targets::of_rig(&rig, ARKIT, scene.landmarks).on_file_targets(&file_targets);

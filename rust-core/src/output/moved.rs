@@ -72,10 +72,6 @@ impl Moved {
         Ok(())
     }
 
-    pub(super) fn frames(&self) -> usize {
-        self.frames
-    }
-
     pub(super) fn fps(&self) -> f64 {
         self.fps
     }

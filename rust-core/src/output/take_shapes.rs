@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+use ndarray::{Array1, Array2, Array3, ArrayView3, Axis, s};
 
 use super::moved::Moved;
 use crate::{
@@ -208,30 +208,32 @@ fn number(name: &str) -> usize {
 /// Weights `[T, 52]` with the gaze in the `eyeLook` shapes. All other weights are 0.
 pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
     let mut weights = Array2::zeros((frames, ARKIT.len()));
-    let Some(life) = life else {
-        return weights;
-    };
-    let [up, down, inward, outward] = GAZE_DEGREES;
-    // The right eye comes first. It looks in when it looks to the subject's left.
-    for (eye, (side, left, right)) in [("Right", "In", "Out"), ("Left", "Out", "In")]
-        .into_iter()
-        .enumerate()
-    {
-        let of = |way: &str| if way == "In" { inward } else { outward };
-        let ways = [
-            (left, 0, 1.0, of(left)),
-            (right, 0, -1.0, of(right)),
-            ("Up", 1, 1.0, up),
-            ("Down", 1, -1.0, down),
-        ];
-        for (way, axis, sign, most) in ways {
-            let angles = life.gaze.slice(s![.., eye, axis]);
-            let turned = angles.mapv(|a| (sign * a.to_degrees() / most).clamp(0.0, 1.0));
-            let column = number(&format!("eyeLook{way}{side}"));
-            weights.column_mut(column).assign(&turned);
+    if let Some(life) = life {
+        for (mut column, name) in weights.columns_mut().into_iter().zip(ARKIT) {
+            if name.starts_with("eyeLook") {
+                column.assign(&look_weights(name, life));
+            }
         }
     }
     weights
+}
+
+/// Weights `[T]` of the shape of this name, which begins with `eyeLook`, from the gaze of a take.
+pub(super) fn look_weights(name: &str, life: &Life) -> Array1<f32> {
+    let [up, down, inward, outward] = GAZE_DEGREES;
+    // The right eye comes first. It looks in when it looks to the subject's left.
+    let (eye, way, inner) = match name.strip_suffix("Right") {
+        Some(way) => (0, way, 1.0),
+        None => (1, name.trim_end_matches("Left"), -1.0),
+    };
+    let (axis, sign, most) = match way {
+        "eyeLookUp" => (1, 1.0, up),
+        "eyeLookDown" => (1, -1.0, down),
+        "eyeLookIn" => (0, inner, inward),
+        _ => (0, -inner, outward),
+    };
+    let angles = life.gaze.slice(s![.., eye, axis]);
+    angles.mapv(|a| (sign * a.to_degrees() / most).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]

@@ -6,15 +6,20 @@
 //! that adds. If all weights are 0, the mesh is at rest. If all weights are halved, so is the
 //! motion.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
-use ndarray::{Array2, ArrayView2, Axis, concatenate, s};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
 
+use super::take_shapes::look_weights;
 use crate::{
     deform::compression::VertexBasis,
     face::Rig,
     mesh::{canonical_landmarks, ibug::LANDMARKS},
-    rig::{ARKIT, EyeLook},
+    motion::Life,
+    rig::EyeLook,
 };
 
 /// How far the shapes of a clip may leave a vertex from its place in any frame, metres on a head
@@ -48,7 +53,7 @@ pub(super) struct FileTarget {
 pub(super) struct Targets {
     pub shapes: Vec<Target>,
     /// `[T, N]`, within 0 to 1. No frames if nothing plays.
-    pub weights: Array2<f32>,
+    pub weights: Arc<Array2<f32>>,
     /// Frames per second.
     pub fps: f64,
     /// Whether users look at the shapes one by one, so that each needs normals of its own.
@@ -73,18 +78,23 @@ impl Targets {
             &mut basis.shapes,
             MAX_LEFT_OUT_M * units_per_metre(landmarks),
         );
-        let frames = basis.weights.nrows();
+        let VertexBasis {
+            shapes: components,
+            mut weights,
+            fps,
+            ..
+        } = basis;
         let mut shapes = Vec::new();
-        let mut weights = Array2::ones((frames, basis.weights.ncols() + 1));
-        let mut back = Array2::zeros((basis.shapes.dim().1, 3));
-        let components = basis.shapes.outer_iter().zip(basis.weights.columns());
-        for (k, (shape, column)) in components.enumerate() {
+        let mut back = Array2::zeros((components.dim().1, 3));
+        for (k, shape) in components.outer_iter().enumerate() {
+            let column = weights.column(k);
             let low = column.iter().copied().fold(0.0, f32::min);
             let range = column.iter().copied().fold(0.0, f32::max) - low;
             if range > 0.0 {
-                let raised = column.iter().map(|w| ((w - low) / range).clamp(0.0, 1.0));
-                let to = weights.column_mut(shapes.len());
-                to.into_iter().zip(raised).for_each(|(to, w)| *to = w);
+                // The weights of a long take are too large for a second copy of them.
+                for mut row in weights.rows_mut() {
+                    row[shapes.len()] = ((row[k] - low) / range).clamp(0.0, 1.0);
+                }
                 shapes.push(Target {
                     name: format!("Anyface {}", k + 1),
                     moved: sparse(shape, range, 0.0),
@@ -92,36 +102,31 @@ impl Targets {
                 back.scaled_add(low, &shape);
             }
         }
-        let mut columns = shapes.len();
+        weights.slice_collapse(s![.., ..shapes.len()]);
         let moved = sparse(back.view(), 1.0, 0.0);
         if !moved.is_empty() {
             let name = "Anyface back".to_owned();
             shapes.push(Target { name, moved });
-            // The weights of the columns that are left are still 1.
-            columns += 1;
-        }
-        if columns < weights.ncols() {
-            weights = weights.slice(s![.., ..columns]).to_owned();
+            let always = Array1::ones(weights.nrows());
+            add_column(&mut weights, always.view());
         }
         Targets {
             shapes,
-            weights,
-            fps: basis.fps,
+            weights: Arc::new(weights),
+            fps,
             stand_alone: false,
             in_file: BTreeMap::new(),
             empty: BTreeSet::new(),
         }
     }
 
-    /// Adds shapes that turn the eyes. `weights`: `[T, 52]` of [`ARKIT`]. Shapes whose weight stays
-    /// 0 are left out.
-    pub(super) fn with_looks(mut self, eyes: &[EyeLook], weights: ArrayView2<'_, f32>) -> Targets {
+    /// Adds shapes that turn the eyes with the gaze of a take. Shapes whose weight stays 0 are left
+    /// out.
+    pub(super) fn with_looks(mut self, eyes: &[EyeLook], life: &Life) -> Targets {
         for look in eyes {
-            let place = ARKIT.iter().position(|name| *name == look.name);
-            let column = place.map(|place| weights.column(place));
-            if let Some(column) = column.filter(|column| column.iter().any(|w| *w > 0.0)) {
-                let with = concatenate![Axis(1), self.weights, column.insert_axis(Axis(1))];
-                self.weights = with;
+            let weights = look_weights(look.name, life);
+            if weights.iter().any(|w| *w > 0.0) {
+                add_column(Arc::make_mut(&mut self.weights), weights.view());
                 self.shapes.push(Target {
                     name: look.name.to_owned(),
                     moved: look.moved.clone(),
@@ -147,7 +152,7 @@ impl Targets {
         };
         let shapes: Vec<Target> = names.into_iter().filter_map(shape).collect();
         Targets {
-            weights: Array2::zeros((0, shapes.len())),
+            weights: Arc::new(Array2::zeros((0, shapes.len()))),
             shapes,
             fps: 1.0,
             stand_alone: true,
@@ -177,7 +182,7 @@ impl Targets {
     ) -> Targets {
         Targets {
             shapes: Vec::new(),
-            weights,
+            weights: Arc::new(weights),
             fps,
             stand_alone: false,
             in_file,
@@ -195,18 +200,24 @@ impl Targets {
             }
         }
         Targets {
-            weights: target_weights,
+            weights: Arc::new(target_weights),
             fps,
             ..self
         }
     }
 }
 
+/// Adds a column to weights. Those of a long take lie column by column and grow where they are.
+fn add_column(weights: &mut Array2<f32>, column: ArrayView1<'_, f32>) {
+    let added = weights.push_column(column);
+    added.expect("one weight for each frame");
+}
+
 /// Sets the smallest displacements of shapes `[K, V, 3]` to 0. No vertex loses more than `most` in
 /// any frame, since the weights lie within −1 to 1.
 fn leave_out(shapes: &mut ndarray::Array3<f32>, most: f32) {
     for mut vertex in shapes.axis_iter_mut(Axis(1)) {
-        let length = |row: ndarray::ArrayView1<'_, f32>| row.dot(&row).sqrt();
+        let length = |row: ArrayView1<'_, f32>| row.dot(&row).sqrt();
         let mut rows: Vec<(f32, usize)> = vertex.outer_iter().map(length).zip(0..).collect();
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut lost = 0.0;

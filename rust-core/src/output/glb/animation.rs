@@ -1,5 +1,7 @@
 //! Motion in a glTF: animation tracks over the frames of the targets.
 
+use std::sync::Arc;
+
 use serde_json::{Value, json};
 
 use super::buffer::Buffer;
@@ -62,15 +64,16 @@ pub(super) fn weights(
     targets: &Targets,
     sources: &[WeightSource],
 ) -> Result<Value> {
-    let frames = targets.weights.outer_iter();
-    let values = frames.flat_map(|row| {
-        sources.iter().map(move |source| match *source {
+    let (frames, all) = (targets.weights.nrows(), Arc::clone(&targets.weights));
+    let (count, sources) = (frames * sources.len(), sources.to_vec());
+    let values = (0..frames).flat_map(move |t| {
+        let row = sources.iter().map(|source| match *source {
             WeightSource::Still(weight) => weight,
-            WeightSource::Column(k) => row[k],
-        })
+            WeightSource::Column(k) => all[[t, k]],
+        });
+        row.collect::<Vec<f32>>()
     });
-    let count = targets.weights.nrows() * sources.len();
-    let output = buffer.scalars(count, values)?;
+    let output = buffer.later(count, "SCALAR", values)?;
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }
 

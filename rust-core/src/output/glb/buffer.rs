@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::bytes::Bytes;
 use crate::{Error, Result};
 
 // Component types of accessors.
@@ -18,7 +19,7 @@ const OF_CORNERS: u32 = 34963;
 pub struct Buffer {
     /// Number of the buffer.
     number: usize,
-    bytes: Vec<u8>,
+    bytes: Bytes,
     views: Vec<Value>,
     accessors: Vec<Value>,
     /// Number of the first new view and of the first new accessor in the document.
@@ -35,7 +36,7 @@ impl Buffer {
     pub fn after(number: usize, bytes: Vec<u8>, views: usize, accessors: usize) -> Buffer {
         Buffer {
             number,
-            bytes,
+            bytes: bytes.into(),
             views: Vec::new(),
             accessors: Vec::new(),
             first_view: views,
@@ -44,7 +45,7 @@ impl Buffer {
     }
 
     /// The bytes, and the new views and accessors for the document.
-    pub fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
+    pub fn finish(self) -> (Bytes, Vec<Value>, Vec<Value>) {
         (self.bytes, self.views, self.accessors)
     }
 
@@ -53,9 +54,14 @@ impl Buffer {
         bytes: impl IntoIterator<Item = [u8; N]>,
         target: Option<u32>,
     ) -> usize {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.bytes.pad();
         let first = self.bytes.len();
         self.bytes.extend(bytes.into_iter().flatten());
+        self.view_from(first, target)
+    }
+
+    /// Adds a view of the bytes from `first` on.
+    fn view_from(&mut self, first: usize, target: Option<u32>) -> usize {
         let mut view = json!({
             "buffer": self.number, "byteOffset": first, "byteLength": self.bytes.len() - first,
         });
@@ -100,19 +106,26 @@ impl Buffer {
         Ok(self.values(values, kind, bounds, None))
     }
 
-    /// Adds an accessor of `count` numbers, which it takes one after the other.
+    /// Adds an accessor of `count` numbers over time, which are asked for when they are written.
+    /// `kind`: as of [`Buffer::floats`].
     ///
     /// # Errors
     /// `InvalidInput` for no numbers, because the format allows no empty accessor.
-    pub fn scalars(&mut self, count: usize, values: impl Iterator<Item = f32>) -> Result<usize> {
+    pub fn later(
+        &mut self,
+        count: usize,
+        kind: &str,
+        values: impl Iterator<Item = f32> + 'static,
+    ) -> Result<usize> {
         if count == 0 {
             return Err(no_frames());
         }
-        // Room for them at once, because a list that grows is in memory twice for a while.
-        self.bytes.reserve_exact(4 * count + 4);
-        let view = self.view(values.map(f32::to_le_bytes), None);
+        self.bytes.pad();
+        let first = self.bytes.len();
+        self.bytes.add_numbers(count, values);
+        let view = self.view_from(first, None);
         Ok(self.accessor(json!({
-            "bufferView": view, "componentType": FLOAT, "count": count, "type": "SCALAR",
+            "bufferView": view, "componentType": FLOAT, "count": count / width(kind), "type": kind,
         })))
     }
 
@@ -123,15 +136,9 @@ impl Buffer {
         bounds: Option<Bounds>,
         target: Option<u32>,
     ) -> usize {
-        let width = match kind {
-            "SCALAR" => 1,
-            "VEC2" => 2,
-            "VEC3" => 3,
-            _ => 4,
-        };
         let view = self.view(values.iter().map(|x| x.to_le_bytes()), target);
         let mut accessor = json!({
-            "bufferView": view, "componentType": FLOAT, "count": values.len() / width, "type": kind,
+            "bufferView": view, "componentType": FLOAT, "count": values.len() / width(kind), "type": kind,
         });
         if let Some((low, high)) = bounds {
             (accessor["min"], accessor["max"]) = (json!(low), json!(high));
@@ -185,6 +192,16 @@ impl Buffer {
         let (low, high) = bounds(&points);
         (accessor["min"], accessor["max"]) = (json!(low), json!(high));
         self.accessor(accessor)
+    }
+}
+
+/// Numbers of an element of an accessor.
+fn width(kind: &str) -> usize {
+    match kind {
+        "SCALAR" => 1,
+        "VEC2" => 2,
+        "VEC3" => 3,
+        _ => 4,
     }
 }
 

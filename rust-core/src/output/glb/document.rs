@@ -4,12 +4,13 @@ use std::{collections::BTreeMap, io::Write, path::Path};
 
 use serde_json::Value;
 
+use super::bytes::Bytes;
 use crate::{Error, Result};
 
 /// A glTF that is being built.
 pub struct Document {
     pub json: Value,
-    pub binary: Vec<u8>,
+    pub binary: Bytes,
     /// The meshes that show shapes.
     pub bound: Vec<Bound>,
 }
@@ -26,27 +27,28 @@ pub struct Bound {
 ///
 /// # Errors
 /// `InvalidInput` for more bytes than the format can count; `Io` if the file cannot be written.
-pub fn write_document((file, path): (&mut impl Write, &Path), document: Document) -> Result<()> {
+pub fn write_document<W: Write>((file, path): (&mut W, &Path), document: Document) -> Result<()> {
     let mut json = document.json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut binary = document.binary;
-    binary.resize(binary.len().next_multiple_of(4), 0);
-    let chunks = [(b"JSON", &json), (b"BIN\0", &binary)];
-    let chunks = chunks.iter().filter(|(_, bytes)| !bytes.is_empty());
+    binary.pad();
+    let chunks = [(b"JSON", Bytes::from(json)), (b"BIN\0", binary)];
+    let chunks = chunks.into_iter().filter(|(_, bytes)| bytes.len() > 0);
+    let chunks: Vec<_> = chunks.collect();
     let length = 12
         + chunks
-            .clone()
+            .iter()
             .map(|(_, bytes)| 8 + bytes.len())
             .sum::<usize>();
     let length = number(length)?;
-    let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
-    write(b"glTF")?;
-    write(&2u32.to_le_bytes())?;
-    write(&length.to_le_bytes())?;
+    let write = |file: &mut W, bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
+    write(file, b"glTF")?;
+    write(file, &2u32.to_le_bytes())?;
+    write(file, &length.to_le_bytes())?;
     for (kind, bytes) in chunks {
-        write(&number(bytes.len())?.to_le_bytes())?;
-        write(*kind)?;
-        write(bytes)?;
+        write(file, &number(bytes.len())?.to_le_bytes())?;
+        write(file, kind)?;
+        bytes.write(file).map_err(Error::io(path))?;
     }
     Ok(())
 }

@@ -7,6 +7,7 @@
 mod alone;
 mod animation;
 mod buffer;
+mod bytes;
 mod document;
 mod layout;
 mod onto;

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::{
     animation::{Track, WeightSource, animation, head, times, weights},
     buffer::Buffer,
+    bytes::Bytes,
     document::{Bound, Document},
 };
 use crate::{
@@ -106,7 +107,7 @@ impl NewBytes {
 
     /// Adds the buffer to the document. `chunk`: the old bytes of the file's chunk. Returns the new
     /// ones.
-    fn write(self, document: &mut Value, buffer: Buffer, chunk: &[u8]) -> Result<Vec<u8>> {
+    fn write(self, document: &mut Value, buffer: Buffer, chunk: &[u8]) -> Result<Bytes> {
         let (bytes, views, accessors) = buffer.finish();
         list(document, "bufferViews")?.extend(views);
         list(document, "accessors")?.extend(accessors);
@@ -120,12 +121,13 @@ impl NewBytes {
                 Ok(bytes)
             }
             NewBytes::InBuffer(_) => {
+                let bytes = bytes.into_vec();
                 let uri = format!(
                     "data:application/octet-stream;base64,{}",
                     STANDARD.encode(&bytes)
                 );
                 buffers.push(json!({"byteLength": bytes.len(), "uri": uri}));
-                Ok(chunk.to_vec())
+                Ok(chunk.to_vec().into())
             }
         }
     }

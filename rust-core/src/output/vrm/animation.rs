@@ -138,9 +138,18 @@ impl Take {
     }
 
     /// Adds a node and the track that moves it. Returns the node's number.
-    fn track(&mut self, name: &str, path: &'static str, values: &[f32]) -> Result<usize> {
-        let kind = if path == "rotation" { "VEC4" } else { "VEC3" };
-        let output = self.buffer.floats(values, kind, None)?;
+    fn track(
+        &mut self,
+        name: &str,
+        path: &'static str,
+        values: impl Iterator<Item = f32> + 'static,
+    ) -> Result<usize> {
+        let (kind, width) = if path == "rotation" {
+            ("VEC4", 4)
+        } else {
+            ("VEC3", 3)
+        };
+        let output = self.buffer.later(width * self.frames, kind, values)?;
         self.nodes.push(json!({"name": name}));
         self.tracks.push(Track {
             sampler: json!({"input": self.times, "output": output, "interpolation": "LINEAR"}),
@@ -152,8 +161,8 @@ impl Take {
 
     /// Adds an expression. The x of its node's translation holds its weights over time.
     fn expression(&mut self, kind: &str, name: &str, weights: ArrayView1<'_, f32>) -> Result<()> {
-        let values: Vec<f32> = weights.iter().flat_map(|w| [*w, 0.0, 0.0]).collect();
-        let node = self.track(name, "translation", &values)?;
+        let values = weights.to_vec().into_iter().flat_map(|w| [w, 0.0, 0.0]);
+        let node = self.track(name, "translation", values)?;
         let group = self.expressions.entry(kind).or_insert_with(|| json!({}));
         group[name] = json!({"node": node});
         Ok(())
@@ -164,7 +173,7 @@ impl Take {
         let mut extension = json!({"specVersion": "1.0"});
         let life = scene.life.filter(|life| life.head.nrows() == self.frames);
         if let Some(gaze) = life.and_then(looks) {
-            let node = self.track("Eyes", "rotation", &gaze)?;
+            let node = self.track("Eyes", "rotation", gaze.into_iter())?;
             extension["lookAt"] = json!({"node": node, "offsetFromHeadBone": eyes_from_head()});
         }
         let first = self.nodes.len();

@@ -199,7 +199,7 @@ fn a_vrm_keeps_all_that_is_not_a_new_expression() {
     let (before, bytes) = glb_chunks(&source).unwrap();
     let mut before: Value = serde_json::from_slice(before).unwrap();
     let mut after = document.json.clone();
-    assert!(document.binary.starts_with(bytes));
+    assert!(document.binary.into_vec().starts_with(bytes));
     assert_eq!(after["meshes"][0]["extras"]["extras"], "by hand");
     let vrm = &after["extensions"]["VRMC_vrm"];
     assert_eq!(
