@@ -113,12 +113,6 @@ impl SharedArgs {
     }
 }
 
-/// Whether a result of this name is a folder: the name has no ending, ends in a separator, or the folder exists.
-pub fn is_folder(out: &Path) -> bool {
-    let is_plain = out.extension().is_none_or(|ending| ending.is_empty());
-    is_plain || out.is_dir() || shown(out).ends_with(std::path::is_separator)
-}
-
 /// Options for reading a sound.
 #[derive(Args)]
 pub struct SoundArgs {

@@ -17,8 +17,6 @@ use anyface::{
 };
 use clap::{ArgMatches, Command};
 
-use crate::arguments::is_folder;
-
 macro_rules! path_type {
     ($(#[$doc:meta])* $name:ident) => {
         $(#[$doc])*
@@ -65,6 +63,13 @@ path_type! {
 /// An opened mouth needs them: a search for landmarks sees its closed lips and might put a landmark on the wrong one.
 pub fn landmarks_beside(mesh: &Path) -> PathBuf {
     mesh.with_extension("landmarks.json")
+}
+
+/// Whether a result of this name is a folder: the name has no ending, ends in a separator, or the folder exists.
+pub fn is_folder(out: &Path) -> bool {
+    let is_plain = out.extension().is_none_or(|ending| ending.is_empty());
+    let text = out.to_string_lossy();
+    is_plain || out.is_dir() || text.ends_with(std::path::is_separator)
 }
 
 /// Says which file a result replaces if its name is a link that leads to another folder.

@@ -14,9 +14,9 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::{
-    arguments::{FaceArgs, SharedArgs, is_folder, shown},
+    arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
-    paths::{InputPath, OutputPath},
+    paths::{InputPath, OutputPath, is_folder},
     stages::{new_report, note_face, timed},
 };
 

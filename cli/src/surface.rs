@@ -16,9 +16,9 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{is_folder, shown},
+    arguments::shown,
     console::Console,
-    paths::OutputPath,
+    paths::{OutputPath, is_folder},
     stages::{summary, timed},
 };
 

@@ -200,11 +200,6 @@ impl TakeShapes {
     }
 }
 
-fn number(name: &str) -> usize {
-    let place = ARKIT.iter().position(|known| *known == name);
-    place.expect("a name of ARKit")
-}
-
 /// Weights `[T, 52]` with the gaze in the `eyeLook` shapes. All other weights are 0.
 pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
     let mut weights = Array2::zeros((frames, ARKIT.len()));
