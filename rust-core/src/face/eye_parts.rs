@@ -486,7 +486,7 @@ mod tests {
     fn what_is_called_an_eye_and_lies_at_one_is_an_eye() {
         let right = eye_parts().eyes[0].0;
         let odd = |way: [f32; 3]| way[1] > 0.1 && way[0] > -0.2;
-        let odd = ellipsoid(right, [1.0, 0.6, 0.3], odd);
+        let odd = ellipsoid(right, [1.7, 0.6, 0.3], odd);
         let elsewhere = odd.iter().map(|p| [p[0], p[1] - 6.0, p[2]]).collect();
         let parts = [odd.clone(), odd.clone(), odd, elsewhere];
         let names = [Some("EyeLeft"), Some("Eyelashes_L"), None, Some("eye_left")];

@@ -144,7 +144,17 @@ impl Roads {
         let ends = [upper, lower].map(|i| landmarks.vertices[i]);
         // On a coarse mesh the vertices of the landmarks may lie farther aside.
         let most = ends.map(aside).into_iter().fold(beside * width, f32::max);
-        self.joined(mesh, ends.into(), reach, |v| aside(v) <= most)
+        // A texture seam may run between the lips' middles, as on mirrored faces, and is not sewn up here.
+        let is_touching = mesh.positions[ends[0] as usize] == mesh.positions[ends[1] as usize];
+        let [uppers, lowers] = if is_touching {
+            ends.map(|end| vec![end])
+        } else {
+            ends.map(|end| copies_of(mesh, end))
+        };
+        let mut pairs = uppers
+            .iter()
+            .flat_map(|&upper| lowers.iter().map(move |&lower| (upper, lower)));
+        pairs.any(|pair| self.joined(mesh, pair, reach, |v| aside(v) <= most))
     }
 
     /// Whether a path no longer than `reach` joins two vertices over vertices that are `allowed`.
@@ -175,6 +185,13 @@ impl Roads {
         }
         false
     }
+}
+
+/// The vertices at the place of a vertex, itself included.
+fn copies_of(mesh: &Mesh, vertex: u32) -> Vec<u32> {
+    let place = mesh.positions[vertex as usize];
+    let all = (0u32..).zip(&mesh.positions);
+    all.filter(|(_, p)| **p == place).map(|(v, _)| v).collect()
 }
 
 /// Whether more than `FLAT_SHARE` of the vertices of `apart` that have faces lie on seams.

@@ -122,7 +122,7 @@ mod tests {
         rest(&mut deltas, ([true, false], 0.3), &vertices, &positions);
         let at = |name: &str, n: usize| deltas[[arkit(name), n, 1]];
         assert_eq!(
-            (at("eyeBlinkLeft", 43), at("eyeBlinkRight", 43)),
+            (at("eyeBlinkLeft", 43), at("eyeBlinkRight", 37)),
             (0.0, -1.0)
         );
         assert!((at("eyeBlinkLeft", 24) + 0.3).abs() < 1e-6);
