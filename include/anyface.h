@@ -719,6 +719,23 @@ AnyfaceStatus anyface_request_set_sound(AnyfaceRequest *request,
 /// Frees a request that no running call uses; nothing happens for NULL.
 void anyface_request_free(AnyfaceRequest *request);
 
+/// Learns how a person speaks from sounds and the motion of that person's face, fifteen seconds or more in
+/// all, and writes a file for the field "performer" of a request. Long: accepts a progress handle.
+///
+/// `takes`: UTF-8, a JSON list of pairs of files, `[["a.wav", "a.csv"]]`: sounds and motions that begin with
+/// them, each a .csv of Live Link Face, or an .npz of landmarks or weights. `path`: UTF-8, the file to write. It is
+/// a safetensors file with a card in its metadata: how well the performer follows the person, with and
+/// without. `progress` may be NULL.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system without performers, for takes that are too short,
+/// whose face is still, says something else or drifts against its sound, and if the result would follow the
+/// person no better than the system does; with `ANYFACE_STATUS_AUDIO` for a sound that cannot be used, and with
+/// `ANYFACE_STATUS_IO` if a file cannot be read or written. Then no file is left behind.
+AnyfaceStatus anyface_performer_learn(const AnyfaceEngine *engine,
+                                      const char *takes,
+                                      const AnyfaceProgress *progress,
+                                      const char *path,
+                                      AnyfaceError **error);
+
 /// Takes or finds the landmarks of a mesh and computes everything that does not depend on time.
 /// Long: accepts a progress handle. The engine's cache keeps the result.
 ///

@@ -81,6 +81,7 @@ SIGNATURES = {
     ),
     "anyface_request_set_sound": (c_int32, [_HANDLE, c_char_p, _HANDLE, _OUT]),
     "anyface_request_free": (None, [_HANDLE]),
+    "anyface_performer_learn": (c_int32, [_HANDLE, c_char_p, _HANDLE, c_char_p, _OUT]),
     "anyface_face_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_face_find": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_face_mouth": (c_int32, [_HANDLE]),

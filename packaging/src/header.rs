@@ -41,6 +41,7 @@ const LIBRARY: &[&str] = &[
     "audio",
     "sounds",
     "request",
+    "performer",
     "face_request",
     "face",
     "opened_face",

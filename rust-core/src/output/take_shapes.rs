@@ -251,6 +251,11 @@ mod tests {
         })
     }
 
+    fn number(name: &str) -> usize {
+        let place = ARKIT.iter().position(|known| *known == name);
+        place.expect("a name of ARKit")
+    }
+
     #[test]
     fn eyes_look_where_the_take_has_them_look() {
         let shapes = TakeShapes::new(
