@@ -139,18 +139,8 @@ impl Timecode {
         Some(Timecode { second, frame })
     }
 
-    /// Frames per second: the rows between two seconds that begin. In a take of less than two seconds, one more than
-    /// the highest frame.
+    /// Frames per second: one more than the highest frame of a second. Rows may be missing.
     fn fps(codes: &[Timecode]) -> Option<f64> {
-        let begins: Vec<usize> = (1..codes.len())
-            .filter(|t| codes[*t].second != codes[t - 1].second)
-            .collect();
-        if let (Some(first), Some(last)) = (begins.first(), begins.last())
-            && first < last
-        {
-            let seconds = codes[*last].second.checked_sub(codes[*first].second)?;
-            return (seconds > 0).then(|| ((last - first) as f64 / seconds as f64).round());
-        }
         let highest = codes.iter().map(|code| code.frame).fold(0.0, f64::max);
         (codes.len() > 1).then(|| highest.floor() + 1.0)
     }

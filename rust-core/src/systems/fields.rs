@@ -534,7 +534,11 @@ mod tests {
     #[test]
     fn a_field_of_numbers_says_its_range_and_default() {
         let nothing = MotionRequest::default();
-        let defaults = [("fps", nothing.fps), ("seed", nothing.seed as f64)];
+        let defaults = [
+            ("performer_strength", f64::from(nothing.performer_strength)),
+            ("fps", nothing.fps),
+            ("seed", nothing.seed as f64),
+        ];
         let fields = FIELDS.iter();
         let fields = fields.filter_map(|field| Some((field.name, field.kind.range()?.default)));
         assert_eq!(fields.collect::<Vec<_>>(), defaults);
