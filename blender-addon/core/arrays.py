@@ -20,7 +20,7 @@ def array_of(what: str, values: ArrayLike, kind: type, *shape: int | str) -> np.
     """
     try:
         with np.errstate(all="ignore"):
-            array = np.ascontiguousarray(values, dtype=kind)
+            array: np.ndarray = np.ascontiguousarray(values, dtype=kind)
     except (TypeError, ValueError, OverflowError) as error:
         raise AnyfaceError("input", f"{what}: expected an array of numbers: {error}") from error
     lengths = zip(shape, array.shape, strict=False)

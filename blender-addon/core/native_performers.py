@@ -5,24 +5,28 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 
+from .arrays import bytes_of, path_of
 from .calls import Calls
 from .job import Progress
+
+FilePath = str | os.PathLike[str]
 
 
 class PerformerCalls(Calls):
     """The calls of `native.Engine` for performers."""
 
     def learn_performer(
-        self, takes: Sequence[tuple[str, str]], path: str, progress: Progress
+        self, takes: Sequence[tuple[FilePath, FilePath]], path: str, progress: Progress
     ) -> dict:
         """Writes a performer, learned from pairs of sound and motion files; returns its card.
 
         Raises `AnyfaceError`, or `Cancelled`.
         """
-        files = json.dumps([[os.fspath(name) for name in take] for take in takes])
+        files = [[os.fsdecode(path_of(name)) for name in take] for take in takes]
+        text = bytes_of("takes", json.dumps(files))
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            arguments = (self._handle, files.encode(), watch.handle, os.fsencode(path))
+            arguments = (self._handle, text, watch.handle, path_of(path))
             self._call("anyface_performer_learn", *arguments)
         return card_of(path)
 

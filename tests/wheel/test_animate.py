@@ -242,5 +242,5 @@ def test_a_performer_is_learned_from_files_and_shown(anyface, mesh, tmp_path):
     alone = anyface.animate(mesh, sound, controls=still, **plain)
     width = [np.ptp(clip.landmark_displacements[:, 54, 0]) for clip in (kim, alone)]
     assert width[0] > 1.05 * width[1]
-    with pytest.raises(anyface.AnyfaceError, match="gone.npz"):
+    with pytest.raises(anyface.AnyfaceError, match=r"gone\.npz"):
         anyface.learn_performer([(sound, tmp_path / "gone.npz")], out)
