@@ -42,6 +42,8 @@ _NET = {
     "operators.py": {"modal", "invoke", "execute", "_break", "_end", "fail", "cancel"},
     "in_view.py": {"invoke", "modal", "_break", "_end", "cancel"},
     "target.py": None,
+    # Blender reads the property, and ends where reading raises SystemExit.
+    "output_properties.py": {"read_take"},
 }
 _HANDLERS = {"_on_frame", "_on_end", "_on_save", "_on_load", "_on_undo"}
 

@@ -230,7 +230,7 @@ def test_a_performer_is_learned_from_files_and_shown(anyface, mesh, tmp_path):
     sound, motion, out = tmp_path / "a.wav", tmp_path / "a.npz", tmp_path / "kim.performer"
     write_wav(sound, samples)
     plain = {"emotion": "off", "fps": 25.0}
-    still = {"blinks": 0.0, "noise": 0.0}
+    still = {"blinks_per_minute": 0.0, "noise": 0.0}
     person = anyface.animate(mesh, sound, controls=still | {"width": 2.0, "jaw": 1.6}, **plain)
     # In the units of the mesh, which its landmarks at rest tell.
     np.savez(motion, landmark_displacements=person.landmark_displacements, fps=25.0,

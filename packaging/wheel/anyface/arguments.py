@@ -61,7 +61,9 @@ def sound_of(sound: SoundLike, engine: Engine) -> Sound:
         return Sound(samples, rate_hz, os.fspath(sound))
     array, rate_hz = _pair("sound", sound, "(samples, rate)")
     samples = _full_scale(_array("samples", array))
-    rate_hz = _within("rate", number_of("rate", rate_hz), *_RATES_HZ)
+    rate_hz, (low, high) = number_of("rate", rate_hz), _RATES_HZ
+    if not low <= rate_hz <= high:
+        raise AnyfaceError("audio", f"rate: expected {low:g} to {high:g} Hz, got {rate_hz:g}")
     if samples.ndim == 2 and samples.shape[1] <= _MAX_CHANNELS:
         samples = samples.mean(axis=1)
     if samples.ndim != 1:
