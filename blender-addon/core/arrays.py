@@ -16,13 +16,17 @@ def array_of(what: str, values: ArrayLike, kind: type, *shape: int | str) -> np.
     """`values` as numbers of a numpy `kind`, row by row in memory.
 
     A number in `shape` is the length of that axis; a letter stands for any length. Without `shape`
-    the array may have any. Raises `AnyfaceError("input")` that names the array `what`.
+    the array may have any. An empty list is an array without rows. Raises `AnyfaceError("input")`
+    that names the array `what`.
     """
     try:
         with np.errstate(all="ignore"):
             array: np.ndarray = np.ascontiguousarray(values, dtype=kind)
     except (TypeError, ValueError, OverflowError) as error:
         raise AnyfaceError("input", f"{what}: expected an array of numbers: {error}") from error
+    if np.shape(values) == (0,) and shape and isinstance(shape[0], str):
+        # An empty list has no rows that could tell their length.
+        return np.empty([n if isinstance(n, int) else 0 for n in shape], dtype=kind)
     lengths = zip(shape, array.shape, strict=False)
     fits = array.ndim == len(shape) and all(a == b for a, b in lengths if isinstance(a, int))
     if shape and not (fits and np.ndim(values) == array.ndim):
