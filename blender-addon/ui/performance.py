@@ -58,5 +58,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
             body.use_property_decorate = False
             others = [control.name for control in controls if not control.is_slider]
             plain = systems.plain_fields(systems.FILE, systems.NUMBER, systems.TEXT)
-            for name in (*(field.name for field in plain), *others, *_OTHERS):
+            obeyed = {field.name for field in systems.by_name(settings.system).fields}
+            fields = [field.name for field in plain if field.name in obeyed]
+            for name in (*fields, *others, *_OTHERS):
                 body.prop(settings, name, slider=True)
