@@ -72,20 +72,22 @@ pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
     check_length(&prepared)?;
     let all = Rows::of(&prepared);
     let folds = Folds::of(&prepared);
-    let left_out = RIDGES.map(|ridge| folds.error(&all, ridge));
-    let nearest = (0..RIDGES.len()).min_by(|a, b| left_out[*a].total_cmp(&left_out[*b]));
-    let nearest = nearest.unwrap_or_default();
+    let tried = RIDGES.iter().map(|&ridge| {
+        let predicted = folds.predicted(&all, ridge);
+        let left = sum_of_squares((&all.difference - &predicted).view());
+        (left, ridge, predicted)
+    });
+    let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+    let (left, ridge, predicted) = best.expect("there are ridges to choose from");
     let without: f64 = sum_of_squares(centred(&all.difference).view());
-    if left_out[nearest] >= MOST_LEFT * without {
+    if left >= MOST_LEFT * without {
         return Err(Error::InvalidInput(format!(
             "performer: expected takes whose left out parts it follows better than the model does, got {:.0} % of the \
              difference unexplained: give more takes, or check that sound and motion belong together",
-            100.0 * left_out[nearest] / without.max(1e-12)
+            100.0 * left / without.max(1e-12)
         )));
     }
-    let ridge = RIDGES[nearest];
     let read_out = ReadOut::fit(&all.features, &all.difference, ridge * all.seconds);
-    let predicted = folds.predicted(&all, ridge);
     Ok(Performer {
         card: PerformerCard {
             version: VERSION,
@@ -227,45 +229,38 @@ impl Rows {
     }
 }
 
-/// Rows that are left out together.
-struct Folds(Vec<Vec<usize>>);
+/// The number of the set of each row. The rows of a set are left out together.
+struct Folds(Vec<usize>);
 
 impl Folds {
     fn of(takes: &[Prepared]) -> Folds {
-        let (mut folds, mut first, mut part) = (vec![Vec::new(); FOLDS], 0, 0);
+        let (mut folds, mut part) = (Vec::new(), 0);
         for take in takes {
-            let length = (PART_S * take.fps) as usize;
-            let rows: Vec<usize> = (first..first + take.features.nrows()).collect();
-            for rows in rows.chunks(length.max(1)) {
-                folds[part % FOLDS].extend(rows);
-                part += 1;
-            }
-            first += take.features.nrows();
+            let length = ((PART_S * take.fps) as usize).max(1);
+            let rows = take.features.nrows();
+            folds.extend((0..rows).map(|row| (part + row / length) % FOLDS));
+            part += rows.div_ceil(length);
         }
-        folds.retain(|fold| !fold.is_empty());
         Folds(folds)
     }
 
-    /// The difference `[T, 3 L]` of each fold by a fit on the others.
+    /// The difference `[T, 3 L]` of each set by a fit on the others.
     fn predicted(&self, all: &Rows, ridge: f64) -> Array2<f32> {
         let mut out = Array2::zeros(all.difference.dim());
-        for fold in &self.0 {
-            let others: Vec<usize> = (0..all.features.nrows())
-                .filter(|t| !fold.contains(t))
-                .collect();
+        for number in 0..FOLDS {
+            let (fold, others): (Vec<usize>, Vec<usize>) =
+                (0..self.0.len()).partition(|row| self.0[*row] == number);
+            if fold.is_empty() {
+                continue;
+            }
             let rest = all.select(&others);
             let fit = ReadOut::fit(&rest.features, &rest.difference, ridge * rest.seconds);
-            let predicted = fit.at(all.features.select(Axis(0), fold).view());
-            for (t, row) in fold.iter().zip(predicted.outer_iter()) {
-                out.row_mut(*t).assign(&row);
+            let predicted = fit.at(all.features.select(Axis(0), &fold).view());
+            for (row, values) in fold.iter().zip(predicted.outer_iter()) {
+                out.row_mut(*row).assign(&values);
             }
         }
         out
-    }
-
-    /// The squared difference that stays unexplained on parts left out.
-    fn error(&self, all: &Rows, ridge: f64) -> f64 {
-        sum_of_squares((&all.difference - &self.predicted(all, ridge)).view())
     }
 }
 
