@@ -5,3 +5,4 @@ export {
 } from "three";
 export { OrbitControls } from "three/addons/controls/OrbitControls.js";
 export { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+export { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";

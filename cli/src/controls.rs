@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use anyface::{
     Result,
     conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
+    motion::WeightStream,
     systems::SYSTEMS,
     text::TextUnits,
 };
@@ -43,20 +44,35 @@ impl EmotionArgs {
 pub struct FaceControls(ControlFlags);
 /// Flags of the controls that act on a performance.
 pub struct MotionControls(ControlFlags);
+/// Flags of the controls that a stream obeys.
+pub struct LiveControls(ControlFlags);
 
 /// The controls that the command line sets, each with the text of its value.
 #[derive(Default)]
 struct ControlFlags(Vec<(&'static Control, String)>);
 
-/// The controls of all systems that act on `stage`, by flag.
-fn flags(stage: ControlStage) -> BTreeMap<String, &'static Control> {
-    let all = SYSTEMS.iter().flat_map(|system| system.controls_of(stage));
+/// Some of the controls of all systems.
+#[derive(Clone, Copy)]
+enum Chosen {
+    /// Those that act on this stage.
+    Of(ControlStage),
+    /// Those with these names.
+    Named(&'static [&'static str]),
+}
+
+/// The chosen controls by flag.
+fn flags(chosen: Chosen) -> BTreeMap<String, &'static Control> {
+    let all = SYSTEMS.iter().flat_map(|system| system.controls());
+    let all = all.filter(|control| match chosen {
+        Chosen::Of(stage) => control.stage == stage,
+        Chosen::Named(names) => names.contains(&control.name),
+    });
     all.map(|control| (control.short_name().replace('_', "-"), control))
         .collect()
 }
 
-fn augment(command: Command, stage: ControlStage) -> Command {
-    let arguments = flags(stage).into_iter().map(|(flag, control)| {
+fn augment(command: Command, chosen: Chosen) -> Command {
+    let arguments = flags(chosen).into_iter().map(|(flag, control)| {
         Arg::new(control.name)
             .long(flag)
             .value_name(value_name(control))
@@ -94,8 +110,8 @@ fn help(control: &Control) -> String {
 }
 
 impl ControlFlags {
-    fn read(matches: &ArgMatches, stage: ControlStage) -> ControlFlags {
-        let controls = flags(stage).into_values();
+    fn read(matches: &ArgMatches, chosen: Chosen) -> ControlFlags {
+        let controls = flags(chosen).into_values();
         let set_controls = controls.filter_map(|control| {
             let text = matches.get_one::<String>(control.name)?;
             Some((control, text.clone()))
@@ -112,9 +128,9 @@ impl ControlFlags {
     }
 }
 
-/// Implements clap's traits for the flags of a stage. Both stages need a type, because clap flattens flags by type.
+/// Implements clap's traits for the chosen flags. Each choice needs a type, because clap flattens flags by type.
 macro_rules! control_flags {
-    ($name:ident, $stage:expr) => {
+    ($name:ident, $chosen:expr) => {
         impl $name {
             pub fn controls(&self) -> Result<Controls> {
                 self.0.controls()
@@ -123,7 +139,7 @@ macro_rules! control_flags {
 
         impl FromArgMatches for $name {
             fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-                Ok($name(ControlFlags::read(matches, $stage)))
+                Ok($name(ControlFlags::read(matches, $chosen)))
             }
 
             fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -134,15 +150,16 @@ macro_rules! control_flags {
 
         impl Args for $name {
             fn augment_args(command: Command) -> Command {
-                augment(command, $stage)
+                augment(command, $chosen)
             }
 
             fn augment_args_for_update(command: Command) -> Command {
-                augment(command, $stage)
+                augment(command, $chosen)
             }
         }
     };
 }
 
-control_flags!(FaceControls, ControlStage::Face);
-control_flags!(MotionControls, ControlStage::Motion);
+control_flags!(FaceControls, Chosen::Of(ControlStage::Face));
+control_flags!(MotionControls, Chosen::Of(ControlStage::Motion));
+control_flags!(LiveControls, Chosen::Named(&WeightStream::CONTROLS));

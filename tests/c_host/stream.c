@@ -1,15 +1,17 @@
 /*
- * Motion while somebody is speaking: the same bits however the sound is cut, and clear refusals.
+ * Motion while somebody is speaking: the same bits however the sound is cut, also by streams of one
+ * engine in several threads, and clear refusals.
  *
  *     stream VOICE.wav
  */
 #include "check.h"
 
 #include <math.h>
+#include <pthread.h>
 
 #define FLOATS (3 * ANYFACE_LANDMARK_COUNT)
 
-static AnyfaceError *error = NULL;
+static _Thread_local AnyfaceError *error = NULL;
 
 /* Pushes the sound in pieces, pulls after each, and returns all frames; the caller frees them. */
 static float *perform(const AnyfaceEngine *engine, const float *samples, size_t count, size_t piece,
@@ -67,11 +69,35 @@ static void sooner(const AnyfaceEngine *engine, const float *samples) {
     anyface_stream_free(stream);
 }
 
+/* A stream of one thread: the sound, how it is cut, and the motion. */
+typedef struct {
+    const AnyfaceEngine *engine;
+    const float *samples;
+    size_t count, piece, frames;
+    float *moved;
+} Cut;
+
+static void *perform_cut(void *argument) {
+    Cut *cut = argument;
+    cut->moved = perform(cut->engine, cut->samples, cut->count, cut->piece, "", &cut->frames);
+    return NULL;
+}
+
 static void any_cut(const AnyfaceEngine *engine, const float *samples, size_t count) {
     size_t pieces[] = {count, 1600, 160, 37}, frames[4];
     float *moved[4];
+    Cut cuts[4];
+    pthread_t threads[4];
     for (int i = 0; i < 4; i++) {
-        moved[i] = perform(engine, samples, count, pieces[i], "", &frames[i]);
+        cuts[i] = (Cut){engine, samples, count, pieces[i], 0, NULL};
+        CHECK(pthread_create(&threads[i], NULL, perform_cut, &cuts[i]) == 0);
+    }
+    for (int i = 0; i < 4; i++) {
+        CHECK(pthread_join(threads[i], NULL) == 0);
+        moved[i] = cuts[i].moved;
+        frames[i] = cuts[i].frames;
+    }
+    for (int i = 0; i < 4; i++) {
         CHECK(frames[i] == (count + 639) / 640 && frames[i] == frames[0]);
         CHECK(memcmp(moved[i], moved[0], frames[0] * FLOATS * sizeof(float)) == 0);
     }

@@ -1,5 +1,5 @@
 // Displacements of a head that speaks a sound, by the npm package: node native.mjs PACKAGE HEAD LANDMARKS SOUND OUT.
-// SOUND and OUT: 32-bit floats; prints what it takes, milliseconds.
+// SOUND and OUT: 32-bit floats; prints what it takes, milliseconds, and what the targets of HEAD show.
 import { readFileSync, writeFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
@@ -23,12 +23,21 @@ const moved = lap();
 const all = new Float32Array(frames.length * frames[0].length);
 frames.forEach((frame, t) => all.set(frame, t * frame.length));
 writeFileSync(out, new Uint8Array(all.buffer));
+const names = face.targetNames();
+const weights = names.length > 0 ? frames.map((frame) => [...face.targetWeights(frame)]) : [];
+let refusal = "";
+try {
+  face.targetWeights(frames[0].subarray(3));
+} catch (error) {
+  refusal = error.message;
+}
 const glb = engine.exportGlb(face, clip);
 writeFileSync(`${out}.glb`, glb);
 console.log(
   JSON.stringify({
     loaded, face: faceReady - loaded, spoken: spoken - faceReady, frames: clip.frameCount,
     frame: (moved - spoken) / clip.frameCount, exported: lap() - moved, notes: face.notes(),
+    names, weights, refusal, places: [...face.targetPlaces()],
     mouth: frames.map((frame) => Math.max(...frame)),
   }),
 );

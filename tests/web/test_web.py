@@ -104,6 +104,42 @@ def test_a_clip_is_that_of_the_command(served, tmp_path):
     assert document["animations"] and document["meshes"][0]["primitives"][0]["targets"]
 
 
+@pytest.fixture(scope="module")
+def avatar(tmp_path_factory) -> bytes:
+    """A head of few vertices as a GLB, with shapes."""
+    path = tmp_path_factory.mktemp("avatar") / "avatar.vrm"
+    words = ["rig", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json"]
+    subprocess.run([COMMAND, *words, "--out", path], check=True, capture_output=True)
+    return path.read_bytes()
+
+
+def test_an_avatar_speaks(page, avatar):
+    assert not dropped(page, "avatar.vrm", avatar)
+    page.read("document.getElementById('sample-sound').click()")
+    browser.wait(lambda: "avatar.vrm speaks" in status(page) and frames(page) > 5)
+    page.read("document.getElementById('by-shapes').click()")
+    before = frames(page)
+    browser.wait(lambda: frames(page) > before + 5)
+    page.photograph(PICTURES / "by-shapes.png")
+
+
+def test_the_targets_of_an_avatar_are_driven(served, avatar, tmp_path):
+    sound, head = tmp_path / "voice.wav", tmp_path / "avatar.vrm"
+    write_wav(sound, spoken(2.0)).tofile(tmp_path / "voice.f32")
+    head.write_bytes(avatar)
+    words = ["node", ROOT / "tests/web/native.mjs", served / "anyface"]
+    words += [head, HEAD / "landmarks.json", tmp_path / "voice.f32", tmp_path / "moved.f32"]
+    report = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+    names, weights = report["names"], np.array(report["weights"])
+    assert weights.shape == (report["frames"], len(names)) and "jawOpen" in names
+    assert len(report["places"]) == 2 * len(names)
+    assert weights.min() >= 0 and weights.max() <= 1
+    jaw = weights[:, names.index("jawOpen")]
+    assert jaw.max() > 0.15, jaw
+    assert np.corrcoef(jaw, report["mouth"])[0, 1] > 0.6
+    assert "expected" in report["refusal"] and "vertices" in report["refusal"]
+
+
 def test_a_face_talks_after_less_than_ten_megabytes(served):
     kept_out = {served / "anyface" / name for name in ("README.md", "THIRD-PARTY.md")}
     files = [path for path in served.rglob("*") if path.is_file() and path not in kept_out]
@@ -240,19 +276,116 @@ def test_dropped_files_speak_with_emotion_and_gestures_and_become_a_glb(page):
     page.photograph(PICTURES / "again.png")
 
 
-def test_an_avatar_speaks(page, tmp_path):
-    avatar = tmp_path / "avatar.vrm"
-    words = ["rig", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json"]
-    subprocess.run([COMMAND, *words, "--out", avatar], check=True, capture_output=True)
-    packed = base64.b64encode(avatar.read_bytes()).decode()
+def dropped(page, name: str, data: bytes) -> str:
+    """Drops a file on the page and waits; returns what the page then says in trouble, or ''."""
+    packed = base64.b64encode(data).decode()
     page.read(
-        f"const bytes = Uint8Array.from(atob('{packed}'), (c) => c.charCodeAt(0));"
-        "const a = new DataTransfer(); a.items.add(new File([bytes], 'avatar.vrm'));"
-        "document.dispatchEvent(new DragEvent('drop', {dataTransfer: a, bubbles: true}))"
+        "document.getElementById('alert').hidden = true;"
+        "document.getElementById('status').textContent = 'dropped';"
+        f"const b = Uint8Array.from(atob('{packed}'), (c) => c.charCodeAt(0));"
+        f"const h = new DataTransfer(); h.items.add(new File([b], {json.dumps(name)}));"
+        "document.dispatchEvent(new DragEvent('drop', {dataTransfer: h, bubbles: true}))"
     )
-    browser.wait(lambda: "Now drop a sound" in status(page))
+    browser.wait(lambda: trouble(page) or "Now drop a sound" in status(page))
+    return trouble(page)
+
+
+def glb(document: dict, binary: bytes) -> bytes:
+    """A GLB of its two chunks."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def chunks_of(data: bytes) -> tuple[dict, bytes]:
+    """The document and the binary of a GLB."""
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def damaged(data: bytes, random: np.random.Generator) -> bytes:
+    """A GLB with some bytes changed, one number of its document replaced, or its end missing."""
+    kind = random.integers(3)
+    if kind == 0:
+        changed = np.frombuffer(data, np.uint8).copy()
+        at = random.integers(12, len(data), random.integers(1, 200))
+        changed[at] = random.integers(0, 256, len(at))
+        return changed.tobytes()
+    if kind == 1:
+        return data[: random.integers(len(data))]
+    document, binary = chunks_of(data)
+    places = [
+        (entry, key)
+        for kind in ("accessors", "bufferViews", "nodes")
+        for entry in document.get(kind, [])
+        for key, value in entry.items()
+        if isinstance(value, int)
+    ]
+    for at in random.integers(len(places), size=2):
+        entry, key = places[at]
+        entry[key] = random.choice([0, 1, 2**31 - 1, 2**32 - 1, 2**53, -1]).item()
+    return glb(document, binary)
+
+
+def test_hostile_avatars_are_refused_in_words_and_the_page_goes_on(page, avatar):
+    seed = int(os.environ.get("ANYFACE_SEED", "1"))
+    random = np.random.default_rng(seed)
+    count = int(os.environ.get("ANYFACE_MUTATIONS", "6"))
+    files = [(f"damaged{n}.glb", damaged(avatar, random)) for n in range(count)]
+    folder = os.environ.get("ANYFACE_SHARED")
+    if folder:
+        paths = sorted(Path(folder, "hostile/mesh").glob("*.glb"))
+        files += [(path.name, path.read_bytes()) for path in paths[:: 1 if count > 6 else 6]]
+    refused = 0
+    for name, data in files:
+        said = dropped(page, name, data)
+        refused += bool(said)
+        assert not said or name in said, (name, said)
+    print(f"{len(files)} files, {refused} refused")
+    assert 0 < refused < len(files)
+    assert not dropped(page, "whole.glb", avatar)
     page.read("document.getElementById('sample-sound').click()")
-    browser.wait(lambda: "avatar.vrm speaks" in status(page) and frames(page) > 5)
+    browser.wait(lambda: "whole.glb speaks" in status(page) and frames(page) > 5)
+
+
+def test_an_avatar_fetches_nothing_and_runs_nothing(page, avatar):
+    asked = []
+
+    class Elsewhere(http.server.BaseHTTPRequestHandler):
+        """Another site; it remembers who asks."""
+
+        def do_GET(self):
+            asked.append(self.path)
+            self.send_error(404)
+
+        def log_message(self, *_):
+            """Says nothing."""
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        site = f"http://127.0.0.1:{server.server_port}"
+        script = f'<img src={site}/name onerror="window.ran = 1"><script>window.ran = 1</script>'
+        document, binary = chunks_of(avatar)
+        document["images"] = [{"uri": f"{site}/picture.png", "name": script}]
+        document["textures"] = [{"source": 0}]
+        document["materials"] = [
+            {"name": script, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+        ]
+        for mesh in document["meshes"]:
+            mesh["name"] = script
+            for primitive in mesh["primitives"]:
+                primitive["material"] = 0
+        for node in document["nodes"]:
+            node["name"] = script
+        dropped(page, f"{script.replace('/', '')}.glb", glb(document, binary))
+        page.read("document.getElementById('sample-sound').click()")
+        page.read("new Promise((later) => setTimeout(later, 1000))")
+        server.shutdown()
+    assert page.read("window.ran") is None
+    assert not asked
 
 
 def test_a_head_follows_the_microphone(page):

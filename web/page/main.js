@@ -62,7 +62,9 @@ async function takeHead(file, name, landmarks) {
   await ready;
   const found = await begin("Looking for the face", async () => {
     const head = await call("face", { file: file.slice(0), landmarks });
-    await show.head(head, file);
+    const showsFile = await show.head(head, file);
+    at("shapes").hidden = !showsFile || head.shapes.length === 0;
+    at("by-shapes").checked = false;
     return head;
   }, `That was ${name}: choose a file with one whole head, or export it once more as GLB or OBJ.`);
   if (!found) return;
@@ -204,6 +206,7 @@ function connect() {
   on("emotion", "change", feel);
   on("intensity", "change", feel);
   on("intensity", "input", () => (at("intensity-value").value = at("intensity").value));
+  on("by-shapes", "change", () => show.byShapes(at("by-shapes").checked));
   on("event-strength", "input", () => (at("event-strength-value").value = at("event-strength").value));
   on("clear-events", "click", async () => {
     await begin("Removing gestures", () => call("clearEvents"));

@@ -44,7 +44,17 @@ export class Show {
   async head(head, file) {
     this.clipped = undefined;
     this.forget();
-    await this.stage.show(head, file);
+    const showsFile = await this.stage.show(head, file);
+    if (!showsFile) await call("form", { name: "scene" });
+    return showsFile;
+  }
+
+  /** Moves a head by the shapes that its file has, or by its vertices. */
+  async byShapes(are) {
+    await call("form", { name: are ? "shapes" : "stored" });
+    this.stage.byShapes(are);
+    this.newest = undefined;
+    this.forget();
   }
 
   sound(buffer) {

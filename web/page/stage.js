@@ -1,8 +1,8 @@
 // The head on the screen. All heads stand in the axes of a face: metres, x to its left, y up, z to the front.
 import { coloured } from "./colours.js";
 import {
-  BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, GLTFLoader, Group, HemisphereLight, Mesh, MeshStandardMaterial, OrbitControls, PerspectiveCamera, Scene, SRGBColorSpace, TextureLoader, Vector3,
-  WebGLRenderer,
+  BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, GLTFLoader, Group, HemisphereLight, Mesh, MeshoptDecoder,
+  MeshStandardMaterial, OrbitControls, PerspectiveCamera, Scene, SRGBColorSpace, TextureLoader, Vector3, WebGLRenderer,
 } from "./three.js";
 
 // What the camera looks at: the middle of a face; and from where.
@@ -76,10 +76,12 @@ export class Stage {
     this.draw();
   }
 
-  /** Shows a head: what the worker has found, and the bytes of its file. */
+  /** Shows a head: what the worker has found, and the bytes of its file. Returns whether it shows what the file stores. */
   async show(head, file) {
     const isGlb = head.parts.length > 0;
-    const shown = isGlb ? await glb(head, file) : plain(head);
+    // What three.js cannot show, such as Draco's compression, talks in clay.
+    const asMade = isGlb ? await glb(head, file).catch(() => undefined) : undefined;
+    const shown = asMade ?? plain(head);
     this.turned.clear();
     for (const part of this.parts) part.geometry.dispose();
     const placed = new Group();
@@ -88,13 +90,22 @@ export class Stage {
     placed.add(shown.scene);
     this.turned.add(placed);
     this.parts = shown.parts;
+    this.movesShapes = false;
     this.turns = !shown.isSkinned;
     this.front();
+    return asMade !== undefined;
   }
 
-  /** Moves the vertices, `[V * 3]`, and turns the head by a rotation vector. */
+  /** Whether poses are weights of the shapes that the file has; all rests until the next pose. */
+  byShapes(are) {
+    for (const part of this.parts) part.rest();
+    this.movesShapes = are;
+    this.draw();
+  }
+
+  /** Moves the vertices, `[V * 3]`, or the shapes of the file, `[N]`, and turns the head by a rotation vector. */
   pose(moved, head) {
-    for (const part of this.parts) part.move(moved);
+    for (const part of this.parts) this.movesShapes ? part.weigh(moved) : part.move(moved);
     const angle = Math.hypot(...head);
     this.turned.quaternion.identity();
     if (this.turns && angle > 0) {
@@ -129,12 +140,12 @@ function plain(head) {
     place.needsUpdate = true;
     geometry.computeVertexNormals();
   };
-  return { scene: mesh, parts: [{ geometry, move }], isSkinned: false };
+  return { scene: mesh, parts: [{ geometry, move, rest() {} }], isSkinned: false };
 }
 
 /** A GLB as its author made it; each primitive moves by its own vertices. */
-async function glb({ parts }, file) {
-  const loader = new GLTFLoader();
+async function glb({ parts, shapes }, file) {
+  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
   // Pictures as elements: fetching them, as the loader does, is what this page forbids.
   loader.register((parser) => {
     parser.textureLoader = new TextureLoader(parser.options.manager);
@@ -152,25 +163,39 @@ async function glb({ parts }, file) {
       const own = numbers(object);
       return own.meshes === mesh && (own.primitives ?? 0) === primitive && shows(object, node);
     });
-    if (object) found.push(part(object, [first, end]));
+    const own = [];
+    for (let n = 0; 2 * n < shapes.length; n++) if (shapes[2 * n] === mesh) own.push([n, shapes[2 * n + 1]]);
+    if (object) found.push(part(object, [first, end], own));
   }
   return { scene: gltf.scene, parts: found, isSkinned: meshes.some((mesh) => mesh.isSkinnedMesh) };
 }
 
-function part(object, [first, end]) {
+/** `shapes`: those of its mesh, each with its place among the weights and its number in the mesh. */
+function part(object, [first, end], shapes) {
   // Primitives may share their arrays, and each moves by its own part of the mesh.
   const geometry = object.geometry.clone();
-  const rest = new Float32Array(3 * (end - first));
-  const known = geometry.getAttribute("position");
-  for (let v = 0; v < end - first; v++) rest.set([known.getX(v), known.getY(v), known.getZ(v)], 3 * v);
-  const now = new BufferAttribute(rest.slice(), 3);
+  const stored = new Float32Array(3 * (end - first));
+  const position = geometry.getAttribute("position");
+  for (let v = 0; v < end - first; v++) stored.set([position.getX(v), position.getY(v), position.getZ(v)], 3 * v);
+  const now = new BufferAttribute(stored.slice(), 3);
   geometry.setAttribute("position", now);
   object.geometry = geometry;
   object.frustumCulled = false;
   const move = (moved) => {
     const to = now.array;
-    for (let v = 0, m = 3 * first; v < to.length; v++, m++) to[v] = rest[v] + moved[m];
+    for (let v = 0, m = 3 * first; v < to.length; v++, m++) to[v] = stored[v] + moved[m];
     now.needsUpdate = true;
   };
-  return { geometry, move };
+  const own = object.morphTargetInfluences ?? [];
+  const known = shapes.filter(([, number]) => number < own.length);
+  const atRest = [...own];
+  const weigh = (weights) => {
+    for (const [n, number] of known) own[number] = weights[n];
+  };
+  const rest = () => {
+    now.array.set(stored);
+    now.needsUpdate = true;
+    atRest.forEach((weight, number) => (own[number] = weight));
+  };
+  return { geometry, move, weigh, rest };
 }

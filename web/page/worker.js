@@ -2,6 +2,13 @@
 import { load } from "./anyface/anyface.js";
 
 let anyface, engine, face, clip, live;
+// What the page moves: the positions that a file stores, those of the scene, or the shapes that the file has.
+const forms = {
+  stored: (moved) => face.storedDisplacements(moved),
+  scene: (moved) => moved,
+  shapes: (moved) => face.targetWeights(moved),
+};
+let form = forms.stored;
 
 const kinds = {
   async load() {
@@ -15,10 +22,14 @@ const kinds = {
     );
     face?.free();
     face = found;
+    form = forms.stored;
     return {
       positions: face.positions(), triangles: face.triangles(), place: face.place(), notes: face.notes(),
-      parts: face.glbParts(), roles: face.roles(), pieces: face.parts(),
+      parts: face.glbParts(), shapes: face.targetPlaces(), roles: face.roles(), pieces: face.parts(),
     };
+  },
+  form({ name }) {
+    form = forms[name];
   },
   speak({ samples, emotion }) {
     tell("Listening", 0);
@@ -29,7 +40,7 @@ const kinds = {
   },
   frame({ number }) {
     const began = performance.now();
-    const moved = face.storedDisplacements(engine.clipFrame(face, clip, number));
+    const moved = form(engine.clipFrame(face, clip, number));
     return { moved, head: clip.head(number), took: performance.now() - began };
   },
   event({ text }) {
@@ -54,7 +65,7 @@ const kinds = {
       const began = performance.now();
       const shown = engine.liveFrame(face, live);
       if (!shown) return;
-      const moved = face.storedDisplacements(shown);
+      const moved = form(shown);
       const message = { live: { moved, head: live.head(), took: performance.now() - began } };
       postMessage(message, [moved.buffer]);
     }

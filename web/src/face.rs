@@ -1,6 +1,13 @@
 //! A head whose face was found.
 
-use anyface::mesh::{GlbPart, Mouth, PartRole, glb_parts};
+use std::sync::{Arc, OnceLock};
+
+use anyface::{
+    job::SILENT,
+    mesh::{GlbPart, GlbTarget, Mouth, PartRole, glb_parts},
+    output::MeshTargets,
+};
+use ndarray::ArrayView3;
 use wasm_bindgen::prelude::*;
 
 /// A head whose face was found.
@@ -10,6 +17,8 @@ pub struct Face {
     /// Bytes of the file that it was read from.
     pub(crate) file: Vec<u8>,
     parts: Vec<GlbPart>,
+    /// What the morph targets of the file show; read when it is first asked for.
+    targets: OnceLock<Option<Arc<MeshTargets>>>,
 }
 
 impl Face {
@@ -19,7 +28,18 @@ impl Face {
         } else {
             Vec::new()
         };
-        Ok(Face { face, file, parts })
+        Ok(Face {
+            face,
+            file,
+            parts,
+            targets: OnceLock::new(),
+        })
+    }
+
+    /// The morph targets of the file; nothing if none of them shows a shape that a take needs.
+    fn own_targets(&self) -> Option<&MeshTargets> {
+        let read = || MeshTargets::read(&self.file, &self.face).ok();
+        self.targets.get_or_init(read).as_deref()
     }
 }
 
@@ -95,6 +115,48 @@ impl Face {
     pub fn glb_places(&self) -> Vec<f32> {
         let places = self.parts.iter().map(|part| part.placed.as_flattened());
         places.flatten().copied().collect()
+    }
+
+    /// Names of the morph targets of a GLB or VRM `[N]`, such as `jawOpen`. Empty if the file has none
+    /// that shows a shape of the face by the tables of ARKit, Oculus, VRM, MMD, Character Creator, Daz or Ready
+    /// Player Me.
+    #[wasm_bindgen(js_name = targetNames)]
+    pub fn target_names(&self) -> Vec<String> {
+        let targets = self.own_targets().map_or(&[][..], MeshTargets::targets);
+        targets.iter().map(|target| target.name.clone()).collect()
+    }
+
+    /// Where the morph targets stand in the file, `[N * 2]`: for each the number of its mesh, and its own
+    /// among the targets of that mesh.
+    #[wasm_bindgen(js_name = targetPlaces)]
+    pub fn target_places(&self) -> Vec<u32> {
+        let targets = self.own_targets().map_or(&[][..], MeshTargets::targets);
+        let place = |target: &GlbTarget| [target.mesh, target.number].map(|n| n as u32);
+        targets.iter().flat_map(place).collect()
+    }
+
+    /// Weights of the morph targets of the file, `[N]`, 0 to 1, that show displacements `[V * 3]` as
+    /// `clipFrame` and `liveFrame` give them.
+    ///
+    /// # Errors
+    /// If the file has no target that can show them, or the displacements are not those of this face.
+    #[wasm_bindgen(js_name = targetWeights)]
+    pub fn target_weights(&self, displacements: &[f32]) -> Result<Vec<f32>, JsError> {
+        let targets = self.own_targets().ok_or_else(|| {
+            JsError::new(
+                "targetWeights: expected a GLB or VRM with morph targets for speech, got a head without; \
+                 targetNames() tells",
+            )
+        })?;
+        let vertices = self.face.mesh.positions.len();
+        let moved = ArrayView3::from_shape((1, vertices, 3), displacements).map_err(|_| {
+            let (wanted, got) = (3 * vertices, displacements.len());
+            JsError::new(&format!(
+                "displacements: expected three numbers for each of {vertices} vertices, {wanted} in all, got {got}"
+            ))
+        })?;
+        let weights = targets.weights(moved, None, SILENT)?;
+        Ok(weights.into_raw_vec_and_offset().0)
     }
 
     /// Role of each vertex, `[V]`: 0 skin, 1 parts that follow the jaw, 2 parts that follow the

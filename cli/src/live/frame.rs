@@ -1,10 +1,27 @@
 //! One frame of a face, as every target receives it, and the angles that follow from its weights.
 
-use anyface::rig::{ARKIT, VISEMES};
+use anyface::rig::{ARKIT, VISEMES, is_of_mouth};
+use clap::ValueEnum;
 
 /// Turn of an eye in radians when one of ARKit's eyeLook shapes has weight 1. About 30° in faces that ARKit
 /// tracks.
 const LOOK_RAD: f32 = std::f32::consts::FRAC_PI_6;
+
+/// What of a face is sent.
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+pub enum Shown {
+    /// Everything
+    All,
+    /// Jaw, lips, puffed cheeks and tongue, and nothing of eyes, brows and head, for which another tracker cares
+    Mouth,
+}
+
+impl Shown {
+    /// Whether the weight of a shape of [`ARKIT`] is sent.
+    pub fn has(self, shape: &str) -> bool {
+        self == Shown::All || is_of_mouth(shape)
+    }
+}
 
 /// The face at one instant.
 #[derive(Debug, Clone, PartialEq)]

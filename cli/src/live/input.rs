@@ -8,7 +8,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyface::{Error, Result, audio::SAMPLE_RATE_HZ};
+use anyface::{
+    Error, Result,
+    audio::{RateConverter, SAMPLE_RATE_HZ},
+};
 
 use super::sound_library::Microphone;
 
@@ -51,11 +54,11 @@ impl Input {
         Input::File(samples, 0, (!is_fast).then(Instant::now))
     }
 
-    /// Standard input: 16-bit little-endian samples, mono, 16 kHz.
+    /// Standard input: 16-bit little-endian samples, mono, at `rate_hz`.
     ///
     /// # Errors
-    /// `InvalidInput` if standard input is a terminal.
-    pub fn of_standard_input() -> Result<Input> {
+    /// `InvalidInput` if standard input is a terminal, `Audio` for a rate that cannot be converted.
+    pub fn of_standard_input(rate_hz: u32) -> Result<Input> {
         if io::stdin().is_terminal() {
             return Err(Error::InvalidInput(
                 "--input -: expected sound on standard input, got a terminal; pipe it in, as in \
@@ -63,8 +66,14 @@ impl Input {
                     .into(),
             ));
         }
+        let converter = RateConverter::new(rate_hz)?;
         let (sender, receiver) = sync_channel(WAITING);
-        thread::spawn(move || read(io::stdin().lock(), &sender));
+        thread::spawn(move || {
+            if let Err(error) = read(io::stdin().lock(), converter, &sender) {
+                // Nobody waits for it if the receiver is gone.
+                let _ = sender.send(Err(error));
+            }
+        });
         Ok(Input::Pipe(receiver))
     }
 
@@ -123,29 +132,32 @@ impl Input {
 }
 
 /// Sends the samples of `pipe` until it ends or the receiver is dropped.
-fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
+///
+/// # Errors
+/// `Io` if the pipe cannot be read, `Audio` if it holds a sound file instead of raw samples.
+fn read(
+    mut pipe: impl Read,
+    mut converter: RateConverter,
+    sender: &SyncSender<Result<Vec<f32>>>,
+) -> Result<()> {
     let (mut bytes, mut left_over, mut is_first) = ([0; BYTES], 0, true);
     loop {
         let count = match pipe.read(&mut bytes[left_over..]) {
-            Ok(0) => return,
+            Ok(0) => break,
             Ok(count) => left_over + count,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => {
-                let _ = sender.send(Err(Error::io("standard input")(error)));
-                return;
-            }
+            Err(error) => return Err(Error::io("standard input")(error)),
         };
         if is_first
             && OF_FILES
                 .iter()
                 .any(|start| bytes[..count].starts_with(start))
         {
-            let _ = sender.send(Err(Error::Audio(
-                "standard input: expected raw 16-bit samples, mono, 16 kHz, got a sound file; \
+            return Err(Error::Audio(
+                "standard input: expected raw 16-bit samples, mono, 16 kHz or --rate, got a sound file; \
                  name it with --input FILE"
                     .into(),
-            )));
-            return;
+            ));
         }
         is_first = false;
         // Keep half a sample until its other half arrives.
@@ -153,13 +165,18 @@ fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
         let pairs = bytes[..whole].chunks_exact(2);
         let samples =
             pairs.map(|pair| f32::from(i16::from_le_bytes([pair[0], pair[1]])) / 32_768.0);
-        let samples: Vec<f32> = samples.collect();
+        let samples = converter.push(&samples.collect::<Vec<f32>>())?;
         bytes.copy_within(whole..count, 0);
         left_over = count - whole;
         if !samples.is_empty() && sender.send(Ok(samples)).is_err() {
-            return;
+            return Ok(());
         }
     }
+    let rest = converter.finish()?;
+    if !rest.is_empty() {
+        let _ = sender.send(Ok(rest));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -182,9 +199,11 @@ mod tests {
 
     fn heard(pieces: Vec<Vec<u8>>) -> Vec<Result<Vec<f32>>> {
         let (sender, receiver) = sync_channel(WAITING);
-        read(Pieces(pieces), &sender);
+        let converter = RateConverter::new(SAMPLE_RATE_HZ).unwrap();
+        let result = read(Pieces(pieces), converter, &sender);
         drop(sender);
-        receiver.iter().collect()
+        let error = result.err().map(Err);
+        receiver.iter().chain(error).collect()
     }
 
     #[test]

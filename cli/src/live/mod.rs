@@ -22,15 +22,16 @@ use std::{
 
 use anyface::{
     Error, Result,
-    conditions::{EMOTIONS, Emotion, EmotionCurve},
-    motion::{WeightStream, check_fps},
+    audio::SAMPLE_RATE_HZ,
+    conditions::{ControlStage, EMOTIONS, Emotion, EmotionCurve},
+    motion::{PERFORMANCE_CONTROLS, PerformanceControls, WeightStream, check_fps},
 };
 use clap::Args;
 
 use crate::{
     arguments::{SharedArgs, SoundArgs},
     console::Console,
-    controls::EmotionArgs,
+    controls::{EmotionArgs, LiveControls},
     paths::InputPath,
     signals,
     stages::{new_report, read_sound},
@@ -43,6 +44,11 @@ use sound_devices::{DeviceArgs, print_devices};
 use sound_library::Monitor;
 use targets::{TargetArgs, Targets};
 
+/// Rates at which programs pipe sound.
+const RATES: [&str; 11] = [
+    "8000", "11025", "12000", "16000", "22050", "24000", "32000", "44100", "48000", "88200",
+    "96000",
+];
 /// The longest wait before sound and signals are checked again.
 const PATIENCE: Duration = Duration::from_millis(20);
 
@@ -51,9 +57,27 @@ const PATIENCE: Duration = Duration::from_millis(20);
 #[derive(Args)]
 pub struct Live {
     /// Sound file instead of a microphone: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF. - reads raw samples from
-    /// standard input: 16 bit little-endian, mono, 16 kHz, as ffmpeg … -f s16le -ar 16000 -ac 1 - writes them
+    /// standard input: 16 bit little-endian, mono, 16 kHz or --rate, as ffmpeg … -f s16le -ar 16000 -ac 1 - writes them
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     input: Option<InputPath>,
+    /// Rate of the raw samples on standard input
+    #[arg(
+        long,
+        value_name = "HZ",
+        default_value = "16000",
+        value_parser = RATES,
+        requires = "input"
+    )]
+    rate: String,
+    /// Loudness added to the sound, dB, for microphones that are too quiet or too loud
+    #[arg(
+        long,
+        value_name = "DB",
+        default_value_t = 0.0,
+        value_parser = decibels,
+        allow_negative_numbers = true
+    )]
+    gain: f32,
     /// Play a file as fast as the computer can, not at playback speed
     #[arg(long, requires = "input")]
     fast: bool,
@@ -76,7 +100,14 @@ pub struct Live {
     #[command(flatten)]
     emotion: EmotionArgs,
     #[command(flatten)]
+    controls: LiveControls,
+    #[command(flatten)]
     sound: SoundArgs,
+}
+
+fn decibels(text: &str) -> std::result::Result<f32, String> {
+    let gain = text.parse().ok().filter(|gain: &f32| gain.abs() <= 60.0);
+    gain.ok_or_else(|| format!("expected -60 to 60 dB, got {text:?}"))
 }
 
 impl Live {
@@ -95,6 +126,16 @@ impl Live {
                     .into(),
             ));
         }
+        let rate_hz: u32 = self.rate.parse().unwrap_or(SAMPLE_RATE_HZ);
+        if rate_hz != SAMPLE_RATE_HZ && !self.input.as_ref().is_some_and(is_pipe) {
+            return Err(Error::InvalidInput(
+                "--rate: expected raw samples on standard input (--input -), got a sound that states its own rate; leave \
+                 --rate away"
+                    .into(),
+            ));
+        }
+        let controls = self.controls.controls()?;
+        controls.check(PERFORMANCE_CONTROLS, ControlStage::Motion)?;
         let samples = match &self.input {
             Some(input) if !is_pipe(input) => Some(self.read(input, console)?),
             _ => None,
@@ -109,12 +150,13 @@ impl Live {
         if self.any_sound {
             stream.hear_all();
         }
+        stream.control(PerformanceControls::from(&controls));
         let fps = self.fps.unwrap_or(stream.fps());
         let targets = self.targets.open(fps, shared.json)?;
         targets.introduce(console);
         let input = match (samples, &self.input) {
             (Some(samples), _) => Input::of_samples(samples, self.fast),
-            (None, Some(_)) => Input::of_standard_input()?,
+            (None, Some(_)) => Input::of_standard_input(rate_hz)?,
             (None, None) => Input::of_microphone(self.devices.open(console)?),
         };
         let lag_s = if fps == stream.fps() {
@@ -131,6 +173,7 @@ impl Live {
             shown_emotion: Emotion::default(),
             waiting: VecDeque::new(),
             is_fast: self.fast,
+            gain: 10f32.powf(self.gain / 20.0),
             targets,
             monitor,
             meter: Meter::new(shared.json),
@@ -167,6 +210,8 @@ struct Show<'a> {
     /// Frames that are not due yet.
     waiting: VecDeque<Paced>,
     is_fast: bool,
+    /// Factor of the samples.
+    gain: f32,
     targets: Targets,
     /// Plays the sound with a delay that matches the face, or with that of `--delay`.
     monitor: Option<Monitor>,
@@ -191,7 +236,8 @@ impl Show<'_> {
                 continue;
             }
             match input.next(patience)? {
-                Arrival::Samples(samples) => {
+                Arrival::Samples(mut samples) => {
+                    samples.iter_mut().for_each(|sample| *sample *= self.gain);
                     self.meter.hear(&samples);
                     if let Some(monitor) = &mut self.monitor {
                         monitor.push(&samples);

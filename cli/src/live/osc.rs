@@ -1,10 +1,141 @@
 //! OSC bundles: plain paths, and messages of the VMC protocol for avatars.
 
+use std::str::FromStr;
+
 use anyface::rig::{ARKIT, VISEMES};
 use clap::ValueEnum;
 use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
-use super::frame::{Frame, capital};
+use super::frame::{Frame, Shown, capital};
+
+/// Parameters of VRCFaceTracking with other names than ARKit's shapes. The others only begin with a capital.
+const UNIFIED: [(&str, &str); 7] = [
+    ("mouthClose", "MouthClosed"),
+    ("mouthFunnel", "LipFunnel"),
+    ("mouthPucker", "LipPucker"),
+    ("mouthRollLower", "LipSuckLower"),
+    ("mouthRollUpper", "LipSuckUpper"),
+    ("mouthShrugLower", "MouthRaiserLower"),
+    ("mouthShrugUpper", "MouthRaiserUpper"),
+];
+/// The value of VRCFaceTracking's EyeLid at an open eye. It falls to 0 as the eye shuts and rises to 1 as it widens.
+const OPEN_LID: f32 = 0.75;
+
+/// The addresses of weights in plain OSC: a text with the name in one of three spellings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AddressPattern {
+    before: String,
+    spelling: Spelling,
+    after: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Spelling {
+    /// `{jawOpen}`
+    Plain,
+    /// `{JawOpen}`
+    Capital,
+    /// `{Unified}`
+    Unified,
+}
+
+impl FromStr for AddressPattern {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<AddressPattern, String> {
+        let spellings = [
+            ("{jawOpen}", Spelling::Plain),
+            ("{JawOpen}", Spelling::Capital),
+            ("{Unified}", Spelling::Unified),
+        ];
+        let found = spellings.into_iter().find_map(|(mark, spelling)| {
+            let (before, after) = text.split_once(mark)?;
+            Some(AddressPattern {
+                before: before.to_owned(),
+                spelling,
+                after: after.to_owned(),
+            })
+        });
+        let is_address = |pattern: &AddressPattern| {
+            let letters = || pattern.before.chars().chain(pattern.after.chars());
+            pattern.before.starts_with('/')
+                && letters().all(|c| c.is_ascii_graphic() && !"#*,?[]{}".contains(c))
+        };
+        found.filter(is_address).ok_or_else(|| {
+            format!(
+                "expected an address that begins with / and holds one of {{jawOpen}}, {{JawOpen}} and {{Unified}} in place of \
+                 the name, such as /avatar/parameters/v2/{{Unified}}, got {text:?}"
+            )
+        })
+    }
+}
+
+impl AddressPattern {
+    fn address(&self, name: &str) -> String {
+        format!("{}{name}{}", self.before, self.after)
+    }
+
+    /// The weights of a frame with their addresses.
+    fn weights(&self, frame: &Frame, shown: Shown) -> Vec<(String, f32)> {
+        let shapes = ARKIT.into_iter().zip(frame.shapes);
+        let shapes = shapes.filter(|(name, _)| shown.has(name));
+        let visemes = VISEMES.into_iter().zip(frame.visemes);
+        match self.spelling {
+            Spelling::Plain => {
+                let all = shapes.chain(visemes);
+                all.map(|(name, w)| (self.address(name), w)).collect()
+            }
+            Spelling::Capital => {
+                let all = shapes.chain(visemes);
+                all.map(|(name, w)| (self.address(&capital(name)), w))
+                    .collect()
+            }
+            Spelling::Unified => {
+                let all = unified(frame, shown).into_iter();
+                all.map(|(name, w)| (self.address(&name), w)).collect()
+            }
+        }
+    }
+}
+
+/// The parameters of VRCFaceTracking, version 2, without their folder. Those of both sides run from -1 for the left
+/// to 1 for the right.
+fn unified(frame: &Frame, shown: Shown) -> Vec<(String, f32)> {
+    let of_both = ["jaw", "mouth"].map(|part| {
+        let [right, left] = ["Right", "Left"].map(|side| frame.shape(&format!("{part}{side}")));
+        (format!("{}X", capital(part)), right - left)
+    });
+    let mut all: Vec<(String, f32)> = of_both.into();
+    all.push(("JawZ".into(), frame.shape("jawForward")));
+    for side in ["Left", "Right"] {
+        all.push((format!("CheekPuffSuck{side}"), frame.shape("cheekPuff")));
+    }
+    let is_in_others = |name: &str| {
+        let of_jaw = ["jawLeft", "jawRight", "jawForward"].contains(&name);
+        let of_mouth = ["mouthLeft", "mouthRight", "cheekPuff"].contains(&name);
+        let of_eyes = ["eyeBlink", "eyeWide", "eyeLook"];
+        of_jaw || of_mouth || of_eyes.iter().any(|stem| name.starts_with(stem))
+    };
+    for (name, weight) in ARKIT.iter().zip(frame.shapes) {
+        if shown.has(name) && !is_in_others(name) {
+            let other = UNIFIED.iter().find(|(known, _)| known == name);
+            let spelled = other.map_or_else(|| capital(name), |(_, unified)| (*unified).to_owned());
+            all.push((spelled, weight));
+        }
+    }
+    if shown == Shown::Mouth {
+        return all;
+    }
+    for (side, right, left) in [("Left", "In", "Out"), ("Right", "Out", "In")] {
+        let of = |stem: &str| frame.shape(&format!("{stem}{side}"));
+        let lid = OPEN_LID * (1.0 - of("eyeBlink")) + (1.0 - OPEN_LID) * of("eyeWide");
+        let look = |way: &str| of(&format!("eyeLook{way}"));
+        all.push((format!("EyeLid{side}"), lid));
+        all.push((format!("Eye{side}X"), look(right) - look(left)));
+        all.push((format!("Eye{side}Y"), look("Up") - look("Down")));
+    }
+    all
+}
 
 /// Which expressions an avatar receives.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
@@ -40,15 +171,14 @@ fn floats(values: &[f32]) -> Vec<OscType> {
     values.iter().copied().map(OscType::Float).collect()
 }
 
-/// `/anyface/time f`, `/anyface/jawOpen f` and so on for shapes and visemes, `/anyface/head fff`.
-pub fn plain(frame: &Frame) -> Vec<u8> {
-    let names = ARKIT.into_iter().chain(VISEMES);
-    let weights = names.zip(frame.shapes.iter().chain(&frame.visemes));
+/// `/anyface/time f`, the weights of shapes and visemes at the addresses of `pattern`, `/anyface/head fff`.
+pub fn plain(frame: &Frame, pattern: &AddressPattern, shown: Shown) -> Vec<u8> {
     let mut messages = vec![message("/anyface/time", floats(&[frame.time_s as f32]))];
-    messages.extend(
-        weights.map(|(name, weight)| message(format!("/anyface/{name}"), floats(&[*weight]))),
-    );
-    messages.push(message("/anyface/head", floats(&frame.head)));
+    let weights = pattern.weights(frame, shown).into_iter();
+    messages.extend(weights.map(|(address, weight)| message(address, floats(&[weight]))));
+    if shown == Shown::All {
+        messages.push(message("/anyface/head", floats(&frame.head)));
+    }
     bundle(messages)
 }
 
@@ -56,7 +186,7 @@ pub fn plain(frame: &Frame) -> Vec<u8> {
 ///
 /// The protocol uses Unity's axes: x to the face's right, y up, z out of the face, left-handed. Only the
 /// receiver knows the rest position of the bone, so the position is sent as zero.
-pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
+pub fn vmc(frame: &Frame, names: VmcNames, shown: Shown) -> Vec<u8> {
     let mut messages = vec![
         message("/VMC/Ext/OK", vec![OscType::Int(1)]),
         message("/VMC/Ext/T", floats(&[frame.time_s as f32])),
@@ -67,22 +197,35 @@ pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
     };
     if names != VmcNames::Vrm {
         for (name, weight) in ARKIT.iter().zip(frame.shapes) {
-            blend(&capital(name), weight);
+            if shown.has(name) {
+                blend(&capital(name), weight);
+            }
         }
     }
     if names != VmcNames::PerfectSync {
-        for (old, new, weight) in expressions(frame) {
-            blend(old, weight);
-            blend(new, weight);
+        let expressions = expressions(frame);
+        let count = match shown {
+            Shown::All => expressions.len(),
+            Shown::Mouth => VOWELS,
+        };
+        for (old, new, weight) in &expressions[..count] {
+            blend(old, *weight);
+            blend(new, *weight);
         }
     }
     messages.push(message("/VMC/Ext/Blend/Apply", Vec::new()));
+    if shown == Shown::Mouth {
+        return bundle(messages);
+    }
     let [x, y, z, w] = frame.head_quaternion();
     let mut bone = vec![OscType::String("Head".into())];
     bone.extend(floats(&[0.0, 0.0, 0.0, x, -y, -z, w]));
     messages.push(message("/VMC/Ext/Bone/Pos", bone));
     bundle(messages)
 }
+
+/// How many of the [`expressions`] are vowels, which come first.
+const VOWELS: usize = 5;
 
 /// Expressions by their names in VRM 0 and VRM 1.
 ///
@@ -138,7 +281,7 @@ mod tests {
     #[test]
     fn an_avatar_receives_a_frame_in_the_order_of_the_protocol() {
         let frame = Frame::at_rest().with(&[("jawOpen", 0.5), ("viseme_aa", 0.75)]);
-        let sent = messages(&vmc(&frame, VmcNames::All));
+        let sent = messages(&vmc(&frame, VmcNames::All, Shown::All));
         let addresses: Vec<&str> = sent.iter().map(|m| m.addr.as_str()).collect();
         assert_eq!(addresses[..2], ["/VMC/Ext/OK", "/VMC/Ext/T"]);
         assert_eq!(sent[0].args, [OscType::Int(1)]);
@@ -159,16 +302,16 @@ mod tests {
     #[test]
     fn an_avatar_with_both_kinds_of_expressions_is_sent_one() {
         let frame = Frame::at_rest();
-        let sent = messages(&vmc(&frame, VmcNames::PerfectSync));
+        let sent = messages(&vmc(&frame, VmcNames::PerfectSync, Shown::All));
         assert!(weight(&sent, "EyeBlinkLeft").is_some() && weight(&sent, "Blink").is_none());
-        let sent = messages(&vmc(&frame, VmcNames::Vrm));
+        let sent = messages(&vmc(&frame, VmcNames::Vrm, Shown::All));
         assert!(weight(&sent, "EyeBlinkLeft").is_none() && weight(&sent, "Blink").is_some());
     }
 
     #[test]
     fn a_blink_of_both_eyes_is_not_sent_twice() {
         let frame = Frame::at_rest().with(&[("eyeBlinkLeft", 1.0), ("eyeBlinkRight", 0.25)]);
-        let sent = messages(&vmc(&frame, VmcNames::Vrm));
+        let sent = messages(&vmc(&frame, VmcNames::Vrm, Shown::All));
         let weights = ["Blink", "Blink_L", "Blink_R", "blinkLeft"].map(|n| weight(&sent, n));
         assert_eq!(weights, [Some(0.25), Some(0.75), Some(0.0), Some(0.75)]);
     }
@@ -180,7 +323,7 @@ mod tests {
                 head,
                 ..Frame::at_rest()
             };
-            let sent = messages(&vmc(&frame, VmcNames::Vrm));
+            let sent = messages(&vmc(&frame, VmcNames::Vrm, Shown::All));
             let bone = sent.last().unwrap().args.clone();
             assert_eq!(bone[0], OscType::String("Head".into()));
             bone[1..]
@@ -193,13 +336,83 @@ mod tests {
         assert_eq!(head([0.3, 0.0, 0.0]), [0.0, 0.0, 0.0, sin, 0.0, 0.0, cos]);
     }
 
+    fn pattern(text: &str) -> AddressPattern {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn vrcfacetracking_gets_its_own_parameters() {
+        let frame = Frame::at_rest().with(&[
+            ("mouthFunnel", 0.5),
+            ("jawLeft", 0.25),
+            ("eyeBlinkLeft", 1.0),
+            ("eyeLookOutRight", 0.5),
+            ("mouthSmileLeft", 0.75),
+        ]);
+        let unified = pattern("/avatar/parameters/v2/{Unified}");
+        let value = |name: &str, shown| {
+            let sent = messages(&plain(&frame, &unified, shown));
+            let address = format!("/avatar/parameters/v2/{name}");
+            let mut named = sent.iter().filter(|m| m.addr == address);
+            let value = named.next()?.args[0].clone().float();
+            assert!(named.next().is_none(), "{name} twice");
+            value
+        };
+        let known = [
+            ("LipFunnel", 0.5),
+            ("JawX", -0.25),
+            ("EyeLidLeft", 0.0),
+            ("EyeLidRight", 0.75),
+            ("EyeRightX", 0.5),
+            ("MouthSmileLeft", 0.75),
+        ];
+        for (name, expected) in known {
+            assert_eq!(value(name, Shown::All), Some(expected), "{name}");
+        }
+        assert_eq!(value("EyeLidLeft", Shown::Mouth), None);
+        assert_eq!(value("BrowInnerUp", Shown::Mouth), None);
+        assert_eq!(value("MouthFunnel", Shown::All), None);
+    }
+
+    #[test]
+    fn a_mouth_alone_leaves_eyes_brows_and_head_to_another_tracker() {
+        let frame = Frame::at_rest().with(&[("jawOpen", 0.5), ("eyeBlinkLeft", 1.0)]);
+        let sent = messages(&vmc(&frame, VmcNames::All, Shown::Mouth));
+        assert_eq!(weight(&sent, "JawOpen"), Some(0.5));
+        assert!(sent.iter().all(|m| m.addr != "/VMC/Ext/Bone/Pos"));
+        for name in ["EyeBlinkLeft", "BrowInnerUp", "Blink", "blink", "Joy"] {
+            assert_eq!(weight(&sent, name), None, "{name}");
+        }
+        assert!(weight(&sent, "A").is_some());
+        let sent = messages(&plain(&frame, &pattern("/face/{JawOpen}/x"), Shown::Mouth));
+        assert!(sent.iter().any(|m| m.addr == "/face/JawOpen/x"));
+        assert!(
+            sent.iter()
+                .all(|m| !m.addr.contains("Eye") && m.addr != "/anyface/head")
+        );
+    }
+
+    #[test]
+    fn addresses_without_a_name_or_with_letters_of_osc_are_refused() {
+        for text in [
+            "/face",
+            "face/{jawOpen}",
+            "/a b/{jawOpen}",
+            "/{jawOpen}/*",
+            "/{other}",
+        ] {
+            let error = text.parse::<AddressPattern>().unwrap_err();
+            assert!(error.contains("{Unified}"), "{error}");
+        }
+    }
+
     #[test]
     fn plain_paths_have_every_weight_and_the_head() {
         let frame = Frame {
             head: [0.1, 0.2, 0.3],
             ..Frame::at_rest().with(&[("jawOpen", 0.5), ("viseme_PP", 1.0)])
         };
-        let sent = messages(&plain(&frame));
+        let sent = messages(&plain(&frame, &pattern("/anyface/{jawOpen}"), Shown::All));
         assert_eq!(sent.len(), 1 + 52 + 15 + 1);
         let of = |address: &str| {
             sent.iter()

@@ -2,6 +2,8 @@
 
 use anyface::{
     Error, Result,
+    job::{InputKind, read_file},
+    output::TargetNames,
     rig::{ARKIT, VISEMES},
 };
 use clap::Args;
@@ -9,14 +11,14 @@ use serde_json::{Map, Value, json};
 
 use super::{
     address::Address,
-    frame::Frame,
+    frame::{Frame, Shown},
     live_link,
-    osc::{self, VmcNames},
+    osc::{self, AddressPattern, VmcNames},
     output::Output,
     udp::Datagrams,
     websocket::Broadcast,
 };
-use crate::console::Console;
+use crate::{console::Console, paths::InputPath};
 
 /// Where frames are sent.
 #[derive(Args)]
@@ -47,37 +49,65 @@ pub struct TargetArgs {
     /// Send plain OSC: /anyface/jawOpen and so on, /anyface/viseme_aa and so on, /anyface/head
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<Address>,
+    /// Addresses of the weights in plain OSC, with {jawOpen}, {JawOpen} or VRCFaceTracking's {Unified} in place of the
+    /// name, as in /avatar/parameters/v2/{Unified}
+    #[arg(
+        long,
+        value_name = "PATTERN",
+        default_value = "/anyface/{jawOpen}",
+        requires = "osc"
+    )]
+    osc_address: AddressPattern,
     /// Send lines of JSON to clients that connect by WebSocket, such as a web page [default: 127.0.0.1:8765]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     websocket: Option<Address>,
+    /// GLB or VRM whose own morph targets or expressions lines of JSON also name, under "targets": ARKit, Oculus, VRM,
+    /// MMD, Character Creator, Daz or Ready Player Me
+    #[arg(long, value_name = "FILE")]
+    targets_of: Option<InputPath>,
+    /// What is sent. A Live Link packet always holds the whole face
+    #[arg(
+        long,
+        value_name = "PART",
+        value_enum,
+        default_value = "all",
+        conflicts_with = "live_link"
+    )]
+    only: Shown,
 }
 
 impl TargetArgs {
     /// Checks that frames have a target. If `is_json`, they go to standard output.
     ///
     /// # Errors
-    /// `InvalidInput` if there is no target.
+    /// `InvalidInput` if there is no target, or none that can have the targets of a file.
     pub fn check(&self, is_json: bool) -> Result<()> {
         let all = [&self.vmc, &self.live_link, &self.osc, &self.websocket];
-        if is_json || all.iter().any(|address| address.is_some()) {
-            Ok(())
-        } else {
-            Err(Error::InvalidInput(
+        if !is_json && all.iter().all(|address| address.is_none()) {
+            return Err(Error::InvalidInput(
                 "live: expected a target, got none; name one or more of --vmc, --live-link, --osc, --websocket and --json"
                     .into(),
-            ))
+            ));
         }
+        if self.targets_of.is_some() && self.websocket.is_none() && !is_json {
+            return Err(Error::InvalidInput(
+                "--targets-of: expected --websocket or --json, whose lines name the targets, got neither; add one"
+                    .into(),
+            ));
+        }
+        Ok(())
     }
 
     /// Opens all targets for frames at `fps` per second.
     ///
     /// # Errors
-    /// `InvalidInput` for an address that cannot be used.
+    /// `InvalidInput` for an address that cannot be used, those of [`TargetNames::read`].
     pub fn open(&self, fps: f64, is_json: bool) -> Result<Targets> {
         let mut datagrams = Vec::new();
+        let shown = self.only;
         if let Some(address) = &self.vmc {
             let names = self.vmc_names;
-            let packet = Box::new(move |frame: &Frame| osc::vmc(frame, names));
+            let packet = Box::new(move |frame: &Frame| osc::vmc(frame, names, shown));
             datagrams.push(Datagrams::new("--vmc", "VMC", address, packet)?);
         }
         if let Some(address) = &self.live_link {
@@ -86,15 +116,20 @@ impl TargetArgs {
             datagrams.push(Datagrams::new("--live-link", "Live Link", address, packet)?);
         }
         if let Some(address) = &self.osc {
-            let packet = Box::new(osc::plain);
+            let pattern = self.osc_address.clone();
+            let packet = Box::new(move |frame: &Frame| osc::plain(frame, &pattern, shown));
             datagrams.push(Datagrams::new("--osc", "OSC", address, packet)?);
         }
         let broadcast = self.websocket.as_ref();
         let broadcast = broadcast.map(|address| Broadcast::new("--websocket", address));
+        let own = self.targets_of.as_ref();
+        let own = own.map(|path| TargetNames::read(&read_file(path, InputKind::Mesh)?));
         let is_alone = datagrams.is_empty() && broadcast.is_none();
         Ok(Targets {
             datagrams,
             broadcast: broadcast.transpose()?,
+            own: own.transpose()?,
+            shown,
             output: is_json.then(|| Output::new(is_alone)),
         })
     }
@@ -104,6 +139,9 @@ impl TargetArgs {
 pub struct Targets {
     datagrams: Vec<Datagrams>,
     broadcast: Option<Broadcast>,
+    /// Morph targets that lines of JSON name.
+    own: Option<TargetNames>,
+    shown: Shown,
     /// Lines of JSON on standard output.
     output: Option<Output>,
 }
@@ -114,6 +152,18 @@ impl Targets {
         let broadcast = self.broadcast.iter().map(Broadcast::name);
         for name in self.datagrams.iter().map(Datagrams::name).chain(broadcast) {
             console.note(&format!("sending {name}"));
+        }
+        if let Some(own) = &self.own {
+            let count = own
+                .values(
+                    |_| 0.0,
+                    |shape| self.shown.has(shape) || VISEMES.contains(&shape),
+                )
+                .len();
+            console.note(&format!(
+                "driving {count} targets, named as by {}",
+                own.tool()
+            ));
         }
     }
 
@@ -128,7 +178,7 @@ impl Targets {
             }
         }
         if self.broadcast.is_some() || self.output.is_some() {
-            let line = line(frame);
+            let line = line(frame, self.own.as_ref(), self.shown);
             if let Some(broadcast) = &mut self.broadcast {
                 broadcast.send(&line);
             }
@@ -154,22 +204,41 @@ impl Targets {
     }
 }
 
-/// A frame as JSON on one line.
-fn line(frame: &Frame) -> String {
-    let named = |names: &[&str], weights: &[f32]| -> Map<String, Value> {
-        let pairs = names.iter().zip(weights);
-        pairs
-            .map(|(name, weight)| ((*name).to_owned(), json!(weight)))
-            .collect()
-    };
-    let value = json!({
+/// A frame as JSON on one line, with the values of a file's `own` targets.
+fn line(frame: &Frame, own: Option<&TargetNames>, shown: Shown) -> String {
+    let shapes = ARKIT.iter().zip(frame.shapes);
+    let shapes = shapes.filter(|(name, _)| shown.has(name));
+    let shapes: Map<String, Value> = shapes.map(entry).collect();
+    let visemes = VISEMES.iter().zip(frame.visemes);
+    let visemes: Map<String, Value> = visemes.map(entry).collect();
+    let mut value = json!({
         "frame": frame.number,
         "time_s": frame.time_s,
-        "shapes": named(&ARKIT, &frame.shapes),
-        "visemes": named(&VISEMES, &frame.visemes),
-        "head": frame.head,
+        "shapes": shapes,
+        "visemes": visemes,
     });
+    if shown == Shown::All {
+        value["head"] = json!(frame.head);
+    }
+    if let Some(own) = own {
+        let weight = |name: &str| {
+            if VISEMES.contains(&name) {
+                frame.viseme(name)
+            } else {
+                frame.shape(name)
+            }
+        };
+        let values = own.values(weight, |name| shown.has(name) || VISEMES.contains(&name));
+        value["targets"] = values
+            .iter()
+            .map(|(name, value)| entry((name, *value)))
+            .collect();
+    }
     value.to_string()
+}
+
+fn entry((name, weight): (&&str, f32)) -> (String, Value) {
+    ((*name).to_owned(), json!(weight))
 }
 
 #[cfg(test)]
@@ -182,7 +251,7 @@ mod tests {
             head: [0.5, 0.0, -0.25],
             ..Frame::at_rest().with(&[("jawOpen", 0.5), ("viseme_aa", 0.75)])
         };
-        let line = line(&frame);
+        let line = line(&frame, None, Shown::All);
         assert!(!line.contains('\n'));
         let value: Value = serde_json::from_str(&line).unwrap();
         assert_eq!(value["frame"], 3);
@@ -192,5 +261,6 @@ mod tests {
         assert_eq!(value["head"], json!([0.5, 0.0, -0.25]));
         assert_eq!(value["shapes"].as_object().unwrap().len(), 52);
         assert_eq!(value["visemes"].as_object().unwrap().len(), 15);
+        assert!(value.get("targets").is_none());
     }
 }

@@ -10,7 +10,7 @@ use std::{
 
 use anyface::rig::ARKIT;
 use rosc::{OscMessage, OscPacket, OscType};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::{folder_with_sound, voice};
 
@@ -241,6 +241,39 @@ fn raw_samples_on_standard_input_are_the_same_face_as_a_file() {
 }
 
 #[test]
+fn raw_samples_of_another_rate_are_the_same_face_within_a_little() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let heard = |samples: &[f32], rate: &str| {
+        let mut child = start(
+            folder.path(),
+            &["--input", "-", "--rate", rate, "--json", "--any-sound"],
+        );
+        let mut pipe = child.stdin.take().unwrap();
+        let samples = samples.iter().map(|x| (x * 32_767.0) as i16);
+        pipe.write_all(&samples.flat_map(i16::to_le_bytes).collect::<Vec<u8>>())
+            .unwrap();
+        drop(pipe);
+        let (status, text, message) = ended(child);
+        assert_eq!(status, Some(0), "{message}");
+        let jaws = lines(&text);
+        jaws.iter()
+            .map(|line| line["shapes"]["jawOpen"].as_f64().unwrap())
+            .collect::<Vec<f64>>()
+    };
+    let usual = heard(&spoken(), "16000");
+    for rate in ["22050", "48000"] {
+        let other = heard(&voice::intoned(SECONDS as f32, rate.parse().unwrap()), rate);
+        assert_eq!(other.len(), usual.len(), "{rate}");
+        let apart = usual.iter().zip(&other).map(|(a, b)| (a - b).abs());
+        let apart = apart.fold(0.0, f64::max);
+        assert!(
+            apart < 0.1 && usual.iter().any(|jaw| *jaw > 0.2),
+            "{rate}: {apart}"
+        );
+    }
+}
+
+#[test]
 fn music_moves_the_face_where_any_sound_is_to() {
     let folder = folder_with_sound(&voice::babble(SECONDS as f32, 16_000), 16_000);
     let widest = |more: &[&str]| {
@@ -334,6 +367,107 @@ fn a_signal_ends_it() {
 }
 
 #[test]
+fn the_targets_of_a_file_stand_in_each_line_by_their_own_names() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let names = ["MTH_A", "MTH_O", "blink_L", "hat"];
+    // Each target lifts all three vertices by 10.
+    let floats = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        .into_iter()
+        .chain([10.0; 9]);
+    let binary: Vec<u8> = floats.flat_map(f32::to_le_bytes).collect();
+    let accessor = |view: usize| json!({"bufferView": view, "componentType": 5126, "count": 3, "type": "VEC3"});
+    let document = json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "buffers": [{"byteLength": 72}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 36}],
+        "accessors": [accessor(0), accessor(1)],
+        "meshes": [{
+            "primitives": [{"attributes": {"POSITION": 0}, "targets": names.map(|_| json!({"POSITION": 1}))}],
+            "extras": {"targetNames": names},
+        }],
+    });
+    std::fs::write(folder.path().join("toon.glb"), glb(&document, &binary)).unwrap();
+    let arguments = [
+        "--input",
+        "a.wav",
+        "--fast",
+        "--json",
+        "--targets-of",
+        "toon.glb",
+    ];
+    let (status, text, notes) = ended(start(folder.path(), &arguments));
+    assert_eq!(status, Some(0), "{notes}");
+    assert!(notes.contains("driving 3 targets"), "{notes}");
+    let lines = lines(&text);
+    assert_eq!(lines.len(), SECONDS * FPS);
+    for line in &lines {
+        let targets = line["targets"].as_object().unwrap();
+        assert_eq!(targets.len(), 3, "{line}");
+        assert_eq!(targets["MTH_A"], line["visemes"]["viseme_aa"]);
+        assert_eq!(targets["blink_L"], line["shapes"]["eyeBlinkLeft"]);
+    }
+    assert!(
+        lines
+            .iter()
+            .any(|line| line["targets"]["MTH_A"].as_f64() > Some(0.1))
+    );
+}
+
+/// A GLB of its two chunks.
+fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let length = 12 + 8 + text.len() + 8 + binary.len();
+    let number = |n: usize| (n as u32).to_le_bytes();
+    let chunk = |kind: &[u8; 4], data: &[u8]| [&number(data.len()), &kind[..], data].concat();
+    let head = [&b"glTF"[..], &number(2), &number(length)].concat();
+    [head, chunk(b"JSON", &text), chunk(b"BIN\0", binary)].concat()
+}
+
+#[test]
+fn controls_of_the_performance_show_more_or_less_of_it() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let run = |more: &[&str]| {
+        let arguments = [&["--input", "a.wav", "--fast", "--json"], more].concat();
+        let (status, text, message) = ended(start(folder.path(), &arguments));
+        assert_eq!(status, Some(0), "{message}");
+        lines(&text)
+    };
+    let of = |lines: &[Value], shape: &str| -> Vec<f64> {
+        let weights = lines
+            .iter()
+            .map(|line| line["shapes"][shape].as_f64().unwrap());
+        weights.collect()
+    };
+    let usual = run(&[]);
+    let calm = [
+        "--articulation",
+        "0.5",
+        "--head-motion",
+        "0",
+        "--gaze",
+        "0",
+        "--blinks",
+        "0",
+    ];
+    let calm = run(&calm);
+    for (all, half) in of(&usual, "jawOpen").iter().zip(of(&calm, "jawOpen")) {
+        assert!((0.5 * all - half).abs() < 1e-6, "{all} {half}");
+    }
+    for line in &calm {
+        assert_eq!(line["head"], json!([0.0, 0.0, 0.0]));
+    }
+    for shape in ["eyeBlinkLeft", "eyeLookInLeft", "eyeLookUpRight"] {
+        assert!(of(&calm, shape).iter().all(|w| w.abs() < 1e-6), "{shape}");
+    }
+    let mouth = run(&["--only", "mouth"]);
+    assert!(mouth[0].get("head").is_none());
+    assert_eq!(of(&mouth, "jawOpen"), of(&usual, "jawOpen"));
+    assert!(mouth[0]["shapes"].get("eyeBlinkLeft").is_none());
+}
+
+#[test]
 fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
     let folder = folder_with_sound(&spoken(), 16_000);
     std::fs::write(folder.path().join("no.wav"), b"no sound at all").unwrap();
@@ -365,6 +499,38 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
             vec!["--input", "a.wav", "--vmc", "--emotion", "auto-arousal"],
             3,
             "expected an emotion that is named",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--targets-of", "a.wav"],
+            3,
+            "expected --websocket or --json",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--rate", "48000"],
+            3,
+            "--rate: expected raw samples",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--gain", "99"],
+            2,
+            "expected -60 to 60 dB",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--articulation", "9"],
+            3,
+            "articulation",
+        ),
+        (
+            vec![
+                "--input",
+                "a.wav",
+                "--osc",
+                "127.0.0.1:9",
+                "--osc-address",
+                "/face",
+            ],
+            2,
+            "{Unified}",
         ),
         (vec!["--input", "no.wav", "--vmc"], 4, "no.wav"),
         (vec!["--input", "gone.wav", "--vmc"], 8, "gone.wav"),

@@ -22,6 +22,7 @@ pub use damage::SoundDamage;
 pub use file::{LARGEST_LOSS, SoundFile, WHOLE_S};
 pub use pitch::PROSODY_FPS;
 pub use prosody::Prosody;
+pub use resample::RateConverter;
 pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, Levels, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
 
 #[cfg(test)]

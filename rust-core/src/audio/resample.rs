@@ -15,6 +15,9 @@ use crate::{Error, Result};
 /// Smallest block of input or output. Longer blocks mean a steeper filter: with 1024 samples the
 /// passband ends within 3 % of 8 kHz.
 const SMALLEST_BLOCK: usize = 1024;
+/// The same for sound that is still going on, whose delay counts: half a block at the lower of both rates. The passband
+/// ends within 10 % of 8 kHz.
+const SMALLEST_LIVE_BLOCK: usize = 320;
 
 /// Receives mono samples at [`SAMPLE_RATE_HZ`] piece by piece during decoding. An error ends the
 /// decoding.
@@ -42,10 +45,15 @@ pub(super) struct Converter {
 
 impl ToSpeechRate {
     pub(super) fn new(rate_hz: u32) -> Result<Self> {
+        Self::with_blocks(rate_hz, SMALLEST_BLOCK)
+    }
+
+    fn with_blocks(rate_hz: u32, smallest: usize) -> Result<Self> {
         if rate_hz == SAMPLE_RATE_HZ {
             return Ok(Self::Same);
         }
-        Converter::new(rate_hz).map(|converter| Self::Convert(Box::new(converter)))
+        let converter = Converter::new(rate_hz, smallest)?;
+        Ok(Self::Convert(Box::new(converter)))
     }
 
     pub(super) fn push(&mut self, mono: &[f32], out: Take<'_>) -> Result<()> {
@@ -66,12 +74,12 @@ impl ToSpeechRate {
 }
 
 impl Converter {
-    fn new(rate_hz: u32) -> Result<Self> {
+    fn new(rate_hz: u32, smallest_block: usize) -> Result<Self> {
         let (rate_in, rate_out) = (rate_hz as usize, SAMPLE_RATE_HZ as usize);
         let divisor = greatest_common_divisor(rate_in, rate_out);
         let (step_in, step_out) = (rate_in / divisor, rate_out / divisor);
         // An even number of steps keeps the delay, half a block, a whole number of samples.
-        let steps = SMALLEST_BLOCK
+        let steps = smallest_block
             .div_ceil(step_in.min(step_out))
             .next_multiple_of(2);
         let fft = Fft::new_custom(
@@ -142,6 +150,47 @@ impl Converter {
             out(&self.block_out[converted])?;
         }
         Ok(())
+    }
+}
+
+/// Converts sound that is still going on to [`SAMPLE_RATE_HZ`], in blocks of 20 ms and more.
+pub struct RateConverter(ToSpeechRate);
+
+impl RateConverter {
+    /// From `rate_hz`. Rates that share few factors with 16,000 have long blocks: 44,100 those of 20 ms,
+    /// 44,101 those of two seconds.
+    ///
+    /// # Errors
+    /// `Audio` if there is no filter for this rate.
+    pub fn new(rate_hz: u32) -> Result<RateConverter> {
+        let converter = ToSpeechRate::with_blocks(rate_hz, SMALLEST_LIVE_BLOCK)?;
+        Ok(RateConverter(converter))
+    }
+
+    /// Takes mono samples and returns those that are ready.
+    ///
+    /// # Errors
+    /// `Audio` if the filter fails.
+    pub fn push(&mut self, mono: &[f32]) -> Result<Vec<f32>> {
+        let mut samples = Vec::new();
+        self.0.push(mono, &mut |block| {
+            samples.extend_from_slice(block);
+            Ok(())
+        })?;
+        Ok(samples)
+    }
+
+    /// Ends the sound and returns the rest.
+    ///
+    /// # Errors
+    /// `Audio` if the filter fails.
+    pub fn finish(self) -> Result<Vec<f32>> {
+        let mut samples = Vec::new();
+        self.0.finish(&mut |block| {
+            samples.extend_from_slice(block);
+            Ok(())
+        })?;
+        Ok(samples)
     }
 }
 

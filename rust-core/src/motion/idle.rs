@@ -48,6 +48,8 @@ pub struct IdleMotion {
     next_leap_s: f64,
     /// How much the mouth has been open lately, 0 to 1.
     speaking: f64,
+    /// Mean time between two blinks, seconds; infinite without blinks.
+    blink_s: f64,
 }
 
 impl IdleMotion {
@@ -55,8 +57,8 @@ impl IdleMotion {
     pub fn new(seed: u64) -> IdleMotion {
         let mut chance = Chance::new(seed, STREAM);
         let drift = [(); 3].map(|()| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
-        let first = blink_after(0.0, &mut chance);
-        let next_blink = blink_after(first.end_s(), &mut chance);
+        let first = blink_after(0.0, BLINK_S, &mut chance);
+        let next_blink = blink_after(first.end_s(), BLINK_S, &mut chance);
         IdleMotion {
             next_leap_s: chance.between(REST_S.0, REST_S.1),
             chance,
@@ -66,6 +68,16 @@ impl IdleMotion {
             leap_s: 0.0,
             points_deg: [[0.0; 2]; 2],
             speaking: 0.0,
+            blink_s: BLINK_S,
+        }
+    }
+
+    /// Sets how often the eyes blink in `share`s of the usual rate; 0 for never.
+    pub fn set_blinks(&mut self, share: f64) {
+        let blink_s = BLINK_S / share;
+        if blink_s != self.blink_s {
+            self.blink_s = blink_s;
+            self.next_blink = blink_after(self.blink.end_s(), blink_s, &mut self.chance);
         }
     }
 
@@ -74,7 +86,7 @@ impl IdleMotion {
     pub fn at(&mut self, time_s: f64, opening: f64) -> Idle {
         while time_s >= self.next_blink.start_s {
             self.blink = self.next_blink;
-            self.next_blink = blink_after(self.blink.end_s(), &mut self.chance);
+            self.next_blink = blink_after(self.blink.end_s(), self.blink_s, &mut self.chance);
         }
         while time_s >= self.next_leap_s {
             self.leap_s = self.next_leap_s;
@@ -89,16 +101,22 @@ impl IdleMotion {
         let turn =
             |axis: usize| (size * DRIFT_DEG[axis] * self.drift[axis].at(time_s)).to_radians();
         Idle {
-            closed: [true, false].map(|right| self.blink.closure(time_s, right)),
+            closed: [true, false].map(|right| {
+                if self.blink_s.is_finite() {
+                    self.blink.closure(time_s, right)
+                } else {
+                    0.0
+                }
+            }),
             look_deg: [0, 1].map(|i| from[i] + share * (to[i] - from[i])),
             head: [0, 1, 2].map(|axis| turn(axis) as f32),
         }
     }
 }
 
-fn blink_after(end_s: f64, chance: &mut Chance) -> Blink {
+fn blink_after(end_s: f64, mean_s: f64, chance: &mut Chance) -> Blink {
     Blink {
-        start_s: end_s + BLINK_S * (0.25 + 1.5 * chance.bell()),
+        start_s: end_s + mean_s * (0.25 + 1.5 * chance.bell()),
         hold_s: chance.between(HOLD_S.0, HOLD_S.1),
         right_later_s: chance.between(-APART_S, APART_S),
     }
@@ -120,6 +138,9 @@ mod tests {
             .filter(|w| !shut(&w[0]) && shut(&w[1]))
             .count();
         assert!((100..220).contains(&blinks), "{blinks} in ten minutes");
+        let mut still = IdleMotion::new(0);
+        still.set_blinks(0.0);
+        assert!((0..15_000).all(|t| still.at(f64::from(t) / 25.0, 0.0).closed == [0.0; 2]));
         for frame in &frames {
             assert!(frame.head.iter().all(|x| x.abs() < 0.04), "{frame:?}");
             assert!(frame.look_deg[0].abs() <= BESIDE_DEG[0], "{frame:?}");

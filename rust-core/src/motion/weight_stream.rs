@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::{
-    FaceModes, MotionStream,
+    FaceModes, MotionStream, PerformanceControls,
     idle::{Idle, IdleMotion},
     shape_fit::ShapeFit,
 };
@@ -14,7 +14,7 @@ use crate::{
     audio::SAMPLE_RATE_HZ,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    rig::{ARKIT, VISEMES, mirrored_name},
+    rig::{ARKIT, VISEMES, is_of_mouth, mirrored_name},
     speech::{EmotionEar, EmotionEncoder, EmotionListener},
 };
 
@@ -65,6 +65,7 @@ pub struct WeightStream {
     shapes: ShapeFit,
     visemes: ShapeFit,
     idle: IdleMotion,
+    controls: PerformanceControls,
     places: Places,
 }
 
@@ -115,6 +116,7 @@ impl WeightStream {
             shapes: ShapeFit::new(&shapes, mirror.collect()),
             visemes: ShapeFit::new(&visemes, vec![None; VISEMES.len()]),
             idle: IdleMotion::new(0),
+            controls: PerformanceControls::default(),
             places: Places {
                 jaw_open: known("jawOpen".into()),
                 blink: sides.map(|side| known(format!("eyeBlink{side}"))),
@@ -143,6 +145,17 @@ impl WeightStream {
         Ok(())
     }
 
+    /// The controls that a stream obeys.
+    pub const CONTROLS: [&str; 4] = ["articulation", "blinks_per_minute", "head_motion", "gaze"];
+
+    /// Shows more or less of the performance from the next frame on. Only [`WeightStream::CONTROLS`] count.
+    pub fn control(&mut self, controls: PerformanceControls) {
+        let usual = PerformanceControls::default().blinks_per_minute;
+        let share = controls.blinks_per_minute / usual;
+        self.idle.set_blinks(f64::from(share));
+        self.controls = controls;
+    }
+
     /// The next frame, or `None` until more samples have arrived.
     pub fn pull(&mut self) -> Option<WeightFrame> {
         self.follow_voice()?;
@@ -160,12 +173,28 @@ impl WeightStream {
             .iter_mut()
             .zip(fitted)
             .for_each(|(to, w)| *to = *w as f32);
+        let PerformanceControls {
+            articulation,
+            head_motion,
+            gaze,
+            ..
+        } = self.controls;
+        for (weight, name) in shapes.iter_mut().zip(ARKIT) {
+            if is_of_mouth(name) {
+                *weight = (articulation * *weight).min(1.0);
+            }
+        }
+        visemes
+            .iter_mut()
+            .for_each(|weight| *weight = (articulation * *weight).min(1.0));
         // The first viseme is silence.
         let said: f32 = visemes[1..].iter().sum();
         visemes[0] = (1.0 - said).max(0.0);
         let time_s = frame.index as f64 / self.motion.fps();
         let opening = f64::from(shapes[self.places.jaw_open]);
-        let idle = self.idle.at(time_s, opening);
+        let mut idle = self.idle.at(time_s, opening);
+        idle.look_deg = idle.look_deg.map(|angle| f64::from(gaze) * angle);
+        idle.head = idle.head.map(|angle| head_motion * angle);
         self.places.add(&idle, &mut shapes);
         Some(WeightFrame {
             index: frame.index,

@@ -72,30 +72,29 @@ pub struct TargetReport {
     pub share_of_mouth: f32,
 }
 
-impl MeshTargets {
-    /// The targets of a GLB or VRM that show shapes of its face.
+/// Which shapes the morph targets of a file show, by their names and by the expressions of a VRM.
+#[derive(Debug, Clone)]
+pub struct TargetNames {
+    tool: String,
+    keys: Vec<Key>,
+    pairs: Vec<KeyPair>,
+    notes: Vec<String>,
+    empty: Vec<String>,
+}
+
+impl TargetNames {
+    /// The names in a GLB or VRM, of which no face needs to be known.
     ///
     /// # Errors
-    /// `Mesh` for a file that is no readable GLB, `InvalidInput` if it has no target that can be
-    /// driven.
-    pub fn read(source: &[u8], face: &Face) -> Result<Arc<MeshTargets>> {
-        if !source.starts_with(b"glTF") {
-            return Err(Error::InvalidInput(
-                "targets of the mesh: expected a GLB or VRM, which has morph targets, got another format; \
-                 --targets arkit makes the ARKit shapes for any mesh"
-                    .into(),
-            ));
-        }
-        let mut targets = glb_targets(source)?;
-        let least = least_displacement(&face.landmarks.positions);
-        for target in &mut targets {
-            target
-                .moved
-                .retain(|(_, moved)| moved.iter().any(|x| x.abs() > least));
-        }
+    /// As [`MeshTargets::read`].
+    pub fn read(source: &[u8]) -> Result<TargetNames> {
+        TargetNames::of(source, &targets_in(source)?)
+    }
+
+    fn of(source: &[u8], targets: &[GlbTarget]) -> Result<TargetNames> {
         let document: Value = serde_json::from_slice(glb_chunks(source)?.0)
             .map_err(|e| Error::Mesh(format!("glTF: its description: {e}")))?;
-        let (by_name, expressions) = (keys_by_name(&targets), expressions(&document, &targets));
+        let (by_name, expressions) = (keys_by_name(targets), expressions(&document, targets));
         let choices = [&expressions.keys, &by_name].map(|keys| {
             let names: Vec<&str> = keys.iter().map(|key| &*key.name).collect();
             shown_shapes(&names)
@@ -110,12 +109,66 @@ impl MeshTargets {
         } else {
             (expressions.keys, of_expressions, expressions.notes)
         };
-        let empty = empty_names(&targets);
-        let Some((list, pairs)) = choice else {
-            return Err(nothing_to_drive(&targets, &empty));
+        let empty = empty_names(targets);
+        let Some((tool, pairs)) = choice else {
+            return Err(nothing_to_drive(targets, &empty));
         };
+        Ok(TargetNames {
+            tool,
+            keys,
+            pairs,
+            notes,
+            empty,
+        })
+    }
+
+    /// The tool whose names these are.
+    pub fn tool(&self) -> &str {
+        &self.tool
+    }
+
+    /// Values, 0 to 1, of the targets or expressions that show shapes, each with its name. `weight`: that of a
+    /// shape of ARKit or of a viseme; `counts`: whether it counts.
+    pub fn values(
+        &self,
+        weight: impl Fn(&str) -> f32,
+        counts: impl Fn(&str) -> bool,
+    ) -> Vec<(&str, f32)> {
+        let keys = self.keys.iter().map(|key| key.name.as_str());
+        let shown = keys.filter_map(|name| {
+            let pairs = self.pairs.iter();
+            let pairs = pairs.filter(|pair| pair.key == name && counts(&pair.shape));
+            let parts = pairs.map(|pair| pair.factor * weight(&pair.shape));
+            let value = parts.reduce(|sum, part| sum + part)?;
+            Some((name, value.clamp(0.0, 1.0)))
+        });
+        shown.collect()
+    }
+}
+
+impl MeshTargets {
+    /// The targets of a GLB or VRM that show shapes of its face.
+    ///
+    /// # Errors
+    /// `Mesh` for a file that is no readable GLB, `InvalidInput` if it has no target that can be
+    /// driven.
+    pub fn read(source: &[u8], face: &Face) -> Result<Arc<MeshTargets>> {
+        let mut targets = targets_in(source)?;
+        let least = least_displacement(&face.landmarks.positions);
+        for target in &mut targets {
+            target
+                .moved
+                .retain(|(_, moved)| moved.iter().any(|x| x.abs() > least));
+        }
+        let TargetNames {
+            tool,
+            keys,
+            pairs,
+            notes,
+            empty,
+        } = TargetNames::of(source, &targets)?;
         Ok(Arc::new(MeshTargets {
-            list,
+            list: tool,
             notes,
             empty,
             ..MeshTargets::of_pairs(targets, keys, &pairs, face)
@@ -191,14 +244,10 @@ impl MeshTargets {
         life: Option<&Life>,
         progress: ProgressFn<'_>,
     ) -> Result<Targets> {
-        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
         let (mut left, mut all) = (0.0, 0.0);
         let weights = moved.solve(self.targets.len(), |range, part| {
             let life = life.map(|life| life.frames_of(range));
-            let weights = self
-                .shapes
-                .weights_of(&names, part, life.as_ref(), progress)?;
-            let weights = self.of_targets(&weights);
+            let weights = self.weights(part, life.as_ref(), progress)?;
             let (part_left, part_all) = self.energies(&weights, part);
             left += part_left;
             all += part_all;
@@ -212,6 +261,29 @@ impl MeshTargets {
         let in_file = places.filter(|(n, _)| show[*n]);
         let in_file = in_file.map(|(n, target)| ((target.mesh, target.number), n));
         Ok(Targets::of_file(in_file.collect(), weights, moved.fps()))
+    }
+
+    /// All targets of the file `[N]`, in its order.
+    pub fn targets(&self) -> &[GlbTarget] {
+        &self.targets
+    }
+
+    /// Weights `[T, N]` of the targets that show displacements of the mesh `[T, V, 3]`, mesh units. Gaze
+    /// comes from `life`, because displacements do not turn the eyes.
+    ///
+    /// # Errors
+    /// Those of [`crate::rig::solve`].
+    pub fn weights(
+        &self,
+        displacements: ArrayView3<'_, f32>,
+        life: Option<&Life>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        let shapes = self
+            .shapes
+            .weights_of(&names, displacements, life, progress)?;
+        Ok(self.of_targets(&shapes))
     }
 
     /// Weights of the targets `[T, N]` at weights of the shapes `[T, S]`.
@@ -337,6 +409,21 @@ fn targets_of_shapes(targets: &[GlbTarget]) -> Vec<FileTarget> {
         }));
     }
     file_targets
+}
+
+/// The targets of a GLB or VRM.
+///
+/// # Errors
+/// `Mesh` for a file that is no readable GLB, `InvalidInput` for another format.
+fn targets_in(source: &[u8]) -> Result<Vec<GlbTarget>> {
+    if !source.starts_with(b"glTF") {
+        return Err(Error::InvalidInput(
+            "targets of the mesh: expected a GLB or VRM, which has morph targets, got another format; \
+             --targets arkit makes the ARKit shapes for any mesh"
+                .into(),
+        ));
+    }
+    glb_targets(source)
 }
 
 /// Targets that move something, by name.

@@ -40,7 +40,7 @@ pub use captured::read_captured_face;
 pub use clip_file::ClipFile;
 pub use format::Format;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};
-pub use mesh_targets::{MeshTargets, TargetReport};
+pub use mesh_targets::{MeshTargets, TargetNames, TargetReport};
 pub use motion_file::{MotionFile, check_motion_path};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};

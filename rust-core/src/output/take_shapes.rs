@@ -11,7 +11,7 @@ use crate::{
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
     motion::Life,
-    rig::{ARKIT, SolveOptions, meeting_lips, parts::GAZE_DEGREES, solve},
+    rig::{ARKIT, SolveOptions, is_of_mouth, meeting_lips, parts::GAZE_DEGREES, solve},
 };
 
 /// Visemes for which VRM has expressions, in the order of [`VOWELS`].
@@ -128,12 +128,7 @@ impl TakeShapes {
         moved: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
-        let of_mouth = |name: &str| {
-            ["jaw", "mouth", "cheekPuff", "tongue"]
-                .iter()
-                .any(|stem| name.starts_with(stem))
-        };
-        let others = ARKIT.into_iter().filter(|name| !of_mouth(name));
+        let others = ARKIT.into_iter().filter(|name| !is_of_mouth(name));
         let names: Vec<&str> = VOWEL_SHAPES.into_iter().chain(others).collect();
         let mut weights = Array2::zeros((moved.dim().0, VOWELS.len()));
         let take = |s, t, w| {

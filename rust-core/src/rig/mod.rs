@@ -28,7 +28,7 @@ pub use decoded::Learned;
 pub use key_names::{KeyPair, shape_of, shown_shapes};
 pub use looks::{EyeLook, eye_looks};
 pub use make::{MODEL, RigModel};
-pub use names::{ARKIT, VISEMES, mirrored_name};
+pub use names::{ARKIT, VISEMES, is_of_mouth, mirrored_name};
 pub(crate) use solve::{MotionSums, ShapeSolver};
 pub use solve::{SolveOptions, SolvedWeights, solve};
 

@@ -56,6 +56,13 @@ pub const ARKIT: [&str; 52] = [
     "tongueOut",
 ];
 
+/// Whether a shape of [`ARKIT`] moves jaw, lips, cheeks as they puff, or tongue.
+pub fn is_of_mouth(shape: &str) -> bool {
+    ["jaw", "mouth", "cheekPuff", "tongue"]
+        .iter()
+        .any(|stem| shape.starts_with(stem))
+}
+
 /// The 15 Oculus visemes.
 pub const VISEMES: [&str; 15] = [
     "viseme_sil",
