@@ -458,7 +458,7 @@ fn controls_of_the_performance_show_more_or_less_of_it() {
     for line in &calm {
         assert_eq!(line["head"], json!([0.0, 0.0, 0.0]));
     }
-    for shape in ["eyeBlinkLeft", "eyeLookInLeft", "eyeLookUpRight"] {
+    for shape in ["eyeLookInLeft", "eyeLookUpRight"] {
         assert!(of(&calm, shape).iter().all(|w| w.abs() < 1e-6), "{shape}");
     }
     let mouth = run(&["--only", "mouth"]);
