@@ -347,7 +347,7 @@ def test_hostile_avatars_are_refused_in_words_and_the_page_goes_on(page, avatar)
         refused += bool(said)
         assert not said or name in said, (name, said)
     print(f"{len(files)} files, {refused} refused")
-    assert 0 < refused < len(files)
+    assert refused > 0
     assert not dropped(page, "whole.glb", avatar)
     page.read("document.getElementById('sample-sound').click()")
     browser.wait(lambda: "whole.glb speaks" in status(page) and frames(page) > 5)
