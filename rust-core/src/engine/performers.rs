@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use ndarray::Array1;
+
 use super::Engine;
 use crate::{
     Result,
@@ -24,6 +26,11 @@ pub struct CapturedTake {
     pub sound: Waveform,
     /// The motion from the start of the sound on, canonical metres, at any frame rate.
     pub motion: LandmarkClip,
+    /// What Anyface had generated before somebody corrected it into `motion`: then the corrections alone are
+    /// learned. `None` for other faces.
+    pub generated: Option<LandmarkClip>,
+    /// `[T]`, how much each frame of `motion` counts, above 0. `None` counts all alike.
+    pub frame_weights: Option<Array1<f32>>,
 }
 
 impl Engine {
@@ -54,15 +61,20 @@ impl Engine {
     }
 
     /// Reads a sound, and the motion of the face that spoke it ([`read_captured_face`]). The take is named after
-    /// the motion's file.
+    /// the motion's file, without its folder.
     ///
     /// # Errors
     /// Those of [`Waveform::from_file`] and [`read_captured_face`].
     pub fn captured_take(&self, sound: &Path, motion: &Path) -> Result<CapturedTake> {
+        let face = read_captured_face(motion)?;
+        // A performer is passed on: folders are nobody's business.
+        let name = motion.file_name().unwrap_or(motion.as_os_str());
         Ok(CapturedTake {
-            name: motion.display().to_string(),
+            name: name.to_string_lossy().into_owned(),
             sound: Waveform::from_file(sound)?,
-            motion: self.landmarks_of(&read_captured_face(motion)?)?,
+            motion: self.landmarks_of(&face.motion)?,
+            generated: face.generated,
+            frame_weights: face.frame_weights,
         })
     }
 
@@ -77,6 +89,8 @@ impl Engine {
                 .map(|t| speaks(&heard.prosody, t as f64 / model.fps))
                 .collect(),
             captured: take.motion.clone(),
+            generated: take.generated.clone(),
+            frame_weights: take.frame_weights.clone(),
             model,
         })
     }
