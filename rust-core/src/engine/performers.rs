@@ -56,7 +56,7 @@ impl Engine {
                 };
                 lessons.push(self.lesson(take, &share)?);
             }
-            learn(self.encoder.get()?.name(), lessons)
+            learn(self.registration.name, self.encoder.get()?.name(), lessons)
         })
     }
 

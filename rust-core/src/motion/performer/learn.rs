@@ -65,14 +65,15 @@ pub struct Lesson {
     pub speaks: Vec<bool>,
 }
 
-/// Learns how a person's mouth differs from that of the model's speaker. `encoder` is the name of the speech
-/// encoder of the features.
+/// Learns how a person's mouth differs from that of the model's speaker. `system` is the name of the system of
+/// that speaker, `encoder` that of the speech encoder of the features.
 ///
 /// # Errors
 /// `InvalidInput` for takes that are too short, whose face is still, says something else or drifts against the
-/// sound, that equal what the model does, and if the result would follow the person no better than the model's
+/// sound, that equal what the model does, of which some were corrected and others not, and if the result would follow the person no better than the model's
 /// speaker does.
-pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
+pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
+    let corrects = check_kind(&lessons)?;
     let prepared = lessons
         .iter()
         .map(Prepared::new)
@@ -87,22 +88,34 @@ pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
     });
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     let (left, ridge, predicted) = best.expect("there are ridges to choose from");
-    check_gain(
-        &all,
-        left,
-        lessons.iter().any(|lesson| lesson.generated.is_some()),
-    )?;
+    check_gain(&all, left, corrects)?;
     let read_out = all.fit(ridge);
     Ok(Performer {
         card: PerformerCard {
             version: VERSION,
+            system: system.to_owned(),
             encoder: encoder.to_owned(),
+            corrects,
             takes: prepared.iter().map(|take| take.card.clone()).collect(),
             ridge,
             scores: scores(&prepared, &predicted),
         },
         read_out,
     })
+}
+
+/// Whether the takes were corrected, all or none.
+fn check_kind(lessons: &[Lesson]) -> Result<bool> {
+    let corrected = lessons.iter().filter(|lesson| lesson.generated.is_some());
+    match corrected.count() {
+        0 => Ok(false),
+        count if count == lessons.len() => Ok(true),
+        count => Err(Error::InvalidInput(format!(
+            "performer: expected takes that were all corrected or all captured, got {count} of {} with \
+             generated_displacements: learn two performers",
+            lessons.len()
+        ))),
+    }
 }
 
 /// Refuses a fit that leaves `left` of the squared difference unexplained, if this is nearly all.
@@ -491,7 +504,7 @@ mod tests {
 
     #[test]
     fn a_person_is_learned_with_lag_and_rest_taken_off() {
-        let learned = learn("ear", vec![lesson(300, 3)]).unwrap();
+        let learned = learn("freetalk", "ear", vec![lesson(300, 3)]).unwrap();
         assert_eq!(learned.card().takes[0].lag_s, 3.0 / 25.0);
         let score = |name: &str| {
             learned
@@ -545,7 +558,7 @@ mod tests {
 
     #[test]
     fn of_a_corrected_take_the_corrections_alone_are_learned() {
-        let learned = learn("ear", vec![corrected(400)]).unwrap();
+        let learned = learn("freetalk", "ear", vec![corrected(400)]).unwrap();
         let still = |c: usize| Array2::from_shape_fn((1, 3), |(_, i)| f32::from(i == c));
         let moved = |features: &Array2<f32>| {
             let mut face = Array3::zeros((1, 68, 3));
@@ -566,8 +579,8 @@ mod tests {
             frame_weights: Some(Array1::ones(300)),
             ..counted
         };
-        let learned = learn("ear", vec![plain]).unwrap();
-        assert_eq!(learn("ear", vec![alike]).unwrap(), learned);
+        let learned = learn("freetalk", "ear", vec![plain]).unwrap();
+        assert_eq!(learn("freetalk", "ear", vec![alike]).unwrap(), learned);
 
         // A second part that contradicts the first hardly counts.
         let doubtful = |count: f32| {
@@ -577,7 +590,7 @@ mod tests {
             }
             let counts = (0..600).map(|t| if t < 300 { 1.0 } else { count });
             take.frame_weights = Some(counts.collect());
-            learn("ear", vec![take]).map(|learned| {
+            learn("freetalk", "ear", vec![take]).map(|learned| {
                 let mut face = Array3::zeros((1, 68, 3));
                 let features = ndarray::array![[0.0, 1.0, 0.0]];
                 learned
@@ -595,7 +608,7 @@ mod tests {
 
     #[test]
     fn a_file_gives_the_same_performer_and_damage_is_told() {
-        let learned = learn("ear", vec![lesson(300, 0)]).unwrap();
+        let learned = learn("freetalk", "ear", vec![lesson(300, 0)]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.performer");
         learned.write(&path).unwrap();
@@ -611,10 +624,15 @@ mod tests {
 
     #[test]
     fn takes_that_teach_nothing_are_refused_with_the_reason() {
+        let mixed = vec![lesson(300, 0), corrected(300)];
+        let error = learn("freetalk", "ear", mixed).unwrap_err().to_string();
+        assert!(error.contains("1 of 2"), "{error}");
         let refusal = |change: fn(&mut Lesson)| {
             let mut taken = lesson(300, 0);
             change(&mut taken);
-            learn("ear", vec![taken]).unwrap_err().to_string()
+            learn("freetalk", "ear", vec![taken])
+                .unwrap_err()
+                .to_string()
         };
         for (change, reason) in [
             (

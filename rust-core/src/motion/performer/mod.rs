@@ -33,8 +33,13 @@ const VERSION: u32 = 1;
 pub struct PerformerCard {
     /// Version of the file's layout.
     pub version: u32,
+    /// Name of the system with whose own speaker it was compared, and which shows it.
+    pub system: String,
     /// Name of the speech encoder whose features it reads.
     pub encoder: String,
+    /// Whether it was learned from takes that somebody corrected. Then it is added to finished motion, before
+    /// lips touch. Another performer is added to what the system's own speaker does.
+    pub corrects: bool,
     /// The takes that it was learned from.
     pub takes: Vec<LearnedTake>,
     /// How strongly the fit keeps to the model's own speaker, per second of sound.
@@ -82,6 +87,21 @@ impl Performer {
     /// What it was learned from.
     pub fn card(&self) -> &PerformerCard {
         &self.card
+    }
+
+    /// Checks that it was learned with this system.
+    ///
+    /// # Errors
+    /// `InvalidInput` if it was another one.
+    pub(crate) fn check_system(&self, name: &str) -> Result<()> {
+        if self.card.system == name {
+            return Ok(());
+        }
+        Err(Error::InvalidInput(format!(
+            "performer: expected one that was learned with {name}, got one of {}: learn it anew with that system, or \
+             speak with {}",
+            self.card.system, self.card.system
+        )))
     }
 
     /// Adds the person's own motion to that of the model's speaker.

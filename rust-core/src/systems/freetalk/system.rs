@@ -119,7 +119,7 @@ impl FreeTalk {
         };
         let affect = emotion.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
-        let mut displacements = self.ats.get()?.sample(
+        let displacements = self.ats.get()?.sample(
             &AtsRequest {
                 speech: features.view(),
                 affect: affect.view(),
@@ -132,11 +132,9 @@ impl FreeTalk {
             },
             progress,
         )?;
-        if let Some(performer) = &request.performer {
-            let heard = (features.view(), heard.encoder_name());
-            performer.add_to(displacements.view_mut(), heard, request.performer_strength)?;
-        }
-        Ok(LandmarkClip { displacements, fps })
+        let mut clip = LandmarkClip { displacements, fps };
+        request.add_performer(&mut clip, (heard, fps), false)?;
+        Ok(clip)
     }
 
     fn paper(&self) -> Result<Arc<PaperDecoder>> {
@@ -171,12 +169,17 @@ impl System for FreeTalk {
         let frames = heard.frames(request.fps);
         let mut clip = clip.at_rate(request.fps, frames);
         let closes = self.config.closes_lips(request.style.as_deref());
-        if closes || request.closures.is_some() {
-            let contacts = heard.contacts(request.closures.as_deref());
+        let touches = closes || request.closures.is_some();
+        let contacts = touches.then(|| heard.contacts(request.closures.as_deref()));
+        if let Some(contacts) = &contacts {
             if closes && self.config.emotion == EmotionOrigin::Added {
                 clip.widen(&clip.widths(), &self.modes)?;
             }
-            clip.make_contacts(&contacts, &self.modes)?;
+            clip.take_shapes(contacts, &self.modes)?;
+        }
+        request.add_performer(&mut clip, (heard, self.config.fps), true)?;
+        if let Some(contacts) = &contacts {
+            clip.touch(contacts, &self.modes)?;
         }
         Ok(Motion::Landmarks(clip).into())
     }
