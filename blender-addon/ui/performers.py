@@ -94,7 +94,7 @@ by hand, or from keys of your own. Other sounds are then spoken that way"""
 
 
 class ANYFACE_OT_performer_learn_file(Learn, WithFile, Operator):
-    """Learn how a person speaks from a recording of Live Link Face, which begins with the sound of \
+    """Learn how a person speaks from a recording of Live Link Face that begins with the sound of \
 this face. Other sounds are then spoken that way"""
 
     bl_idname = "anyface.performer_learn_file"
@@ -184,7 +184,5 @@ class ANYFACE_MT_performer_delete(Menu):
     def draw(self, _context):
         """Draws all performers."""
         for path in everyone():
-            entry = self.layout.operator(
-                "anyface.performer_delete", text=path.stem, icon="TRASH"
-            )
+            entry = self.layout.operator("anyface.performer_delete", text=path.stem, icon="TRASH")
             entry.path = str(path)

@@ -43,8 +43,8 @@ class AnyfacePreferences(AddonPreferences):
 
     performer_folder: StringProperty(
         name="Performer Folder",
-        description="Folder of performers, such as one that a studio shares; empty uses a folder of "
-        "the extension",
+        description="Folder of performers, such as one that a studio shares; empty uses a folder "
+        "of the extension",
         subtype="DIR_PATH",
     )
 

@@ -48,15 +48,27 @@ impl Engine {
         self.registration
             .require(Ability::Performer, "performers")?;
         self.threads(|| {
-            let mut lessons = Vec::new();
+            let (mut lessons, mut live_lessons) = (Vec::new(), Vec::new());
             for (number, take) in takes.iter().enumerate() {
                 let share = |p: Progress| {
                     let fraction = (number as f32 + p.fraction) / takes.len() as f32;
                     progress(Progress { fraction, ..p })
                 };
-                lessons.push(self.lesson(take, &share)?);
+                let lesson = self.lesson(take, &share)?;
+                live_lessons.extend(self.live_lesson(take, &lesson)?);
+                lessons.push(lesson);
             }
-            learn(self.registration.name, self.encoder.get()?.name(), lessons)
+            let (system, encoder) = (self.registration.name, self.encoder.get()?.name());
+            let performer = learn(system, encoder, lessons)?;
+            // A stream hears less. Where nothing is gained it keeps the model's speaker.
+            let live = match live_lessons.len() {
+                0 => None,
+                _ => learn(system, encoder, live_lessons).ok(),
+            };
+            Ok(match live {
+                Some(live) => performer.with_live(live),
+                None => performer,
+            })
         })
     }
 
@@ -93,6 +105,23 @@ impl Engine {
             frame_weights: take.frame_weights.clone(),
             model,
         })
+    }
+
+    /// The lesson of the live stream beside the one of the whole ear.
+    fn live_lesson(&self, take: &CapturedTake, lesson: &Lesson) -> Result<Option<Lesson>> {
+        let Some((features, model)) = self.system.live_speaker(&take.sound.samples)? else {
+            return Ok(None);
+        };
+        let last = lesson.speaks.len().saturating_sub(1);
+        let at = |t: usize| ((t as f64 / model.fps * lesson.model.fps) as usize).min(last);
+        Ok(Some(Lesson {
+            speaks: (0..features.nrows())
+                .map(|t| lesson.speaks[at(t)])
+                .collect(),
+            features,
+            model,
+            ..lesson.clone()
+        }))
     }
 }
 

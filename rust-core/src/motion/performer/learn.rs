@@ -99,8 +99,10 @@ pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Perfor
             takes: prepared.iter().map(|take| take.card.clone()).collect(),
             ridge,
             scores: scores(&prepared, &predicted),
+            live_scores: Vec::new(),
         },
         read_out,
+        live: None,
     })
 }
 

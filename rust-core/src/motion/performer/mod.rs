@@ -10,7 +10,10 @@ mod read_out;
 use std::{collections::HashMap, io::Write, path::Path};
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::{
+    Dtype, SafeTensors,
+    tensor::{TensorInfo, TensorView},
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -47,6 +50,8 @@ pub struct PerformerCard {
     /// Agreement with the person on parts that were left out of the fit, by aspect of the mouth: `gap`,
     /// `width`, `chin` and `protrusion`.
     pub scores: Vec<AspectScore>,
+    /// The same for the live stream. Empty for a performer that streams cannot show.
+    pub live_scores: Vec<AspectScore>,
 }
 
 /// A take from which a performer was learned.
@@ -81,12 +86,52 @@ pub struct Performer {
     card: PerformerCard,
     /// From features `[C]` to the difference at the `L` landmarks of jaw and mouth, `[3 L]` in canonical metres.
     read_out: ReadOut,
+    /// The same from the features of the live stream.
+    live: Option<ReadOut>,
 }
 
 impl Performer {
     /// What it was learned from.
     pub fn card(&self) -> &PerformerCard {
         &self.card
+    }
+
+    /// With what `live` learned from the features of the live stream of the same system.
+    pub(crate) fn with_live(mut self, live: Performer) -> Performer {
+        self.card.live_scores = live.card.scores;
+        self.live = Some(live.read_out);
+        self
+    }
+
+    /// Checks that it can be shown by a live stream, whose network has `channels` features. Only one system has such
+    /// a stream.
+    ///
+    /// # Errors
+    /// `InvalidInput` if it was learned with another system or stream.
+    pub(crate) fn check_live(&self, channels: usize) -> Result<()> {
+        match &self.live {
+            Some(live) if live.mean.len() == channels => Ok(()),
+            _ => Err(Error::InvalidInput(
+                "performer: expected one that the live stream can show, got one of another system or stream, or one \
+                 that the stream follows no better than without: learn it anew with freetalk, from more takes"
+                    .into(),
+            )),
+        }
+    }
+
+    /// Adds the person's own motion to a frame `[68, 3]` of the live stream, canonical metres, for its features
+    /// `[C]`, as many as [`Performer::check_live`] expected.
+    pub(crate) fn add_to_frame(
+        &self,
+        face: &mut ArrayViewMut2<'_, f32>,
+        features: &[f32],
+        strength: f32,
+    ) {
+        if let Some(live) = &self.live {
+            let features = ArrayView2::from_shape((1, features.len()), features);
+            let own = live.at(features.expect("one row"));
+            add_row(face, own.row(0), strength);
+        }
     }
 
     /// Checks that it was learned with this system.
@@ -166,14 +211,22 @@ impl Performer {
         }
         let arrays = Weights::from_bytes(bytes)?;
         arrays.check_range()?;
-        let mean = header.info("mean").ok_or_else(|| bad(&"it has no mean"))?;
-        let (channels, values) = (mean.shape.iter().product(), 3 * speaking().count());
-        let read_out = ReadOut {
-            mean: arrays.vector("mean", channels)?,
-            weights: arrays.matrix("weights", channels, values)?,
-            offset: arrays.vector("offset", values)?,
+        let read_out = |arrays: &Weights, mean: &TensorInfo| {
+            let (channels, values) = (mean.shape.iter().product(), 3 * speaking().count());
+            Ok::<_, Error>(ReadOut {
+                mean: arrays.vector("mean", channels)?,
+                weights: arrays.matrix("weights", channels, values)?,
+                offset: arrays.vector("offset", values)?,
+            })
         };
-        Ok(Performer { card, read_out })
+        let mean = header.info("mean").ok_or_else(|| bad(&"it has no mean"))?;
+        let live = header.info("live.mean");
+        let live = live.map(|mean| read_out(&arrays.pp("live"), mean));
+        Ok(Performer {
+            read_out: read_out(&arrays, mean)?,
+            live: live.transpose()?,
+            card,
+        })
     }
 
     /// Writes the performer as safetensors, with its card as JSON among the metadata.
@@ -189,20 +242,27 @@ impl Performer {
         let bad =
             |error: &dyn std::fmt::Display| Error::InvalidInput(format!("performer: {error}"));
         let card = serde_json::to_string(&self.card).map_err(|e| bad(&e))?;
-        let ReadOut {
-            mean,
-            weights,
-            offset,
-        } = &self.read_out;
-        let arrays = [
-            ("mean", mean.shape(), bytes_of(mean.iter())),
-            ("weights", weights.shape(), bytes_of(weights.iter())),
-            ("offset", offset.shape(), bytes_of(offset.iter())),
-        ];
+        let read_outs = [("", Some(&self.read_out)), ("live.", self.live.as_ref())];
+        let mut arrays = Vec::new();
+        for (prefix, read_out) in read_outs {
+            let Some(read_out) = read_out else { continue };
+            let ReadOut {
+                mean,
+                weights,
+                offset,
+            } = read_out;
+            for (name, shape, bytes) in [
+                ("mean", mean.shape(), bytes_of(mean.iter())),
+                ("weights", weights.shape(), bytes_of(weights.iter())),
+                ("offset", offset.shape(), bytes_of(offset.iter())),
+            ] {
+                arrays.push((format!("{prefix}{name}"), shape, bytes));
+            }
+        }
         let mut views = Vec::new();
         for (name, shape, bytes) in &arrays {
             let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes).map_err(|e| bad(&e))?;
-            views.push((*name, view));
+            views.push((name, view));
         }
         let texts = HashMap::from([(CARD.to_owned(), card)]);
         safetensors::serialize(views, Some(texts)).map_err(|e| bad(&e))

@@ -6,6 +6,8 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
+use ndarray::{Array2, Array3};
+
 use super::{
     AtsRequest,
     ats::{Ats, AtsConfig},
@@ -19,13 +21,14 @@ use crate::{
     deform::{Decoder, LEARNED},
     face::{Deformer, Face},
     job::ProgressFn,
+    mesh::ibug::LANDMARKS,
     models::{BuiltIn, Opened},
     motion::{
         CLOSURES_MODEL, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
         PERFORMANCE_CONTROLS, WidthGain,
     },
-    speech::{CausalModel, SpeechFeatures},
+    speech::{CausalModel, CausalSpeech, SpeechFeatures},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
@@ -192,6 +195,26 @@ impl System for FreeTalk {
         let mut request = MotionRequest::default();
         request.controls.set(NOISE.name, 0.0);
         self.spoken(heard, &request, progress)
+    }
+
+    fn live_speaker(&self, samples: &[f32]) -> Result<Option<(Array2<f32>, LandmarkClip)>> {
+        let mut speech = CausalSpeech::new(Arc::clone(&self.stream));
+        speech.push(samples)?;
+        speech.finish()?;
+        let (mut features, mut rows) = (Vec::new(), Vec::new());
+        while let Some(row) = speech.pull(|_| {}) {
+            rows.extend_from_slice(row);
+            features.extend_from_slice(speech.hidden());
+        }
+        let frames = rows.len() / DIMS;
+        let clip = LandmarkClip {
+            displacements: Array3::from_shape_vec((frames, LANDMARKS, 3), rows)
+                .expect("whole rows"),
+            fps: self.stream.config().fps,
+        };
+        let size = (frames, speech.hidden().len());
+        let features = Array2::from_shape_vec(size, features).expect("as many features each");
+        Ok(Some((features, clip)))
     }
 
     fn apply_controls(
