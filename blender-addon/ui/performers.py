@@ -35,7 +35,8 @@ def name_of(settings) -> str:
 class Learn(WithSound, InThread):
     """Asks for a name first, then learns in a thread."""
 
-    bl_options = {"REGISTER", "UNDO"}
+    # Another name in the panel of the last operation must not learn once more.
+    bl_options = {"REGISTER"}
     cancelled = "cancelled: no performer was written"
     # Nothing but the chosen performer changes in the scene.
     goes_back = False
