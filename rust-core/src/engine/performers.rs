@@ -60,14 +60,13 @@ impl Engine {
             }
             let (system, encoder) = (self.registration.name, self.encoder.get()?.name());
             let performer = learn(system, encoder, lessons)?;
+            if live_lessons.is_empty() {
+                return Ok(performer);
+            }
             // A stream hears less. Where nothing is gained it keeps the model's speaker.
-            let live = match live_lessons.len() {
-                0 => None,
-                _ => learn(system, encoder, live_lessons).ok(),
-            };
-            Ok(match live {
-                Some(live) => performer.with_live(live),
-                None => performer,
+            Ok(match learn(system, encoder, live_lessons) {
+                Ok(live) => performer.with_live(live),
+                Err(why) => performer.without_live(why.to_string()),
             })
         })
     }

@@ -100,6 +100,7 @@ pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Perfor
             ridge,
             scores: scores(&prepared, &predicted),
             live_scores: Vec::new(),
+            live_refusal: "its system has no such stream".into(),
         },
         read_out,
         live: None,

@@ -52,6 +52,8 @@ pub struct PerformerCard {
     pub scores: Vec<AspectScore>,
     /// The same for the live stream. Empty for a performer that streams cannot show.
     pub live_scores: Vec<AspectScore>,
+    /// Why no stream can show it; empty if one can.
+    pub live_refusal: String,
 }
 
 /// A take from which a performer was learned.
@@ -100,6 +102,13 @@ impl Performer {
     pub(crate) fn with_live(mut self, live: Performer) -> Performer {
         self.card.live_scores = live.card.scores;
         self.live = Some(live.read_out);
+        self.card.live_refusal.clear();
+        self
+    }
+
+    /// With the reason why no live stream can show it.
+    pub(crate) fn without_live(mut self, reason: String) -> Performer {
+        self.card.live_refusal = reason;
         self
     }
 
@@ -111,11 +120,11 @@ impl Performer {
     pub(crate) fn check_live(&self, channels: usize) -> Result<()> {
         match &self.live {
             Some(live) if live.mean.len() == channels => Ok(()),
-            _ => Err(Error::InvalidInput(
-                "performer: expected one that the live stream can show, got one of another system or stream, or one \
-                 that the stream follows no better than without: learn it anew with freetalk, from more takes"
-                    .into(),
-            )),
+            _ => Err(Error::InvalidInput(format!(
+                "performer: expected one that the live stream can show, got one that it cannot ({}): learn it anew \
+                 with freetalk, from more takes",
+                self.card.live_refusal
+            ))),
         }
     }
 
