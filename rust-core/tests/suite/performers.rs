@@ -8,7 +8,7 @@ use anyface::{
 };
 use ndarray::{Array1, s};
 
-use crate::voice::babble;
+use crate::voice::intoned;
 
 fn engine(system: &str) -> Engine {
     Engine::new(EngineOptions {
@@ -47,7 +47,7 @@ fn widths(clip: &LandmarkClip) -> Array1<f32> {
 #[test]
 fn every_system_shows_its_own_performers_and_no_others() {
     let sound = Waveform {
-        samples: babble(8.0, 16_000),
+        samples: intoned(8.0, 16_000),
     };
     let mut earlier = None;
     for system in ["freetalk", "cafe-talk", "emoface", "facetalk"] {
@@ -90,7 +90,7 @@ fn every_system_shows_its_own_performers_and_no_others() {
 fn a_stream_shows_a_performer_that_its_whole_look_ahead_hears() {
     let engine = engine("freetalk");
     let sound = Waveform {
-        samples: babble(8.0, 16_000),
+        samples: intoned(8.0, 16_000),
     };
     let person = request_with(&[("width", 2.0), ("jaw", 1.6)]);
     let take = CapturedTake {
