@@ -40,6 +40,7 @@ from .ui import (
     outputs,
     panel,
     performance,
+    performers,
     pictures,
     preferences,
     presets,
@@ -57,8 +58,8 @@ _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
     expression_keys, landmarks, opening, audio, choose_sound, presets, mixture, emotions,
     performance, events, life, outputs, export,
-    key_list, controls, find_controls, caches, takes, sounds, sounds_file, mouth_chart, scene_list,
-    models, heat, live, listening,
+    key_list, controls, find_controls, caches, takes, performers, sounds, sounds_file, mouth_chart,
+    scene_list, models, heat, live, listening,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # Modules with a `register` of their own: _SETTINGS go before the classes, _OTHERS after them.

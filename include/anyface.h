@@ -1806,6 +1806,7 @@ AnyfaceStatus anyface_stream_finish(AnyfaceStream *stream, AnyfaceError **error)
 
 /// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
 /// - "emotion": names and strengths that do not change over time; neutral if it is not set.
+/// - "performer", a file that was learned with FreeTalk, and "performer_strength".
 /// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
 ///   stays so. Otherwise only speech does.
 /// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
@@ -1871,6 +1872,7 @@ AnyfaceStatus anyface_weight_stream_finish(AnyfaceWeightStream *stream, AnyfaceE
 /// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
 /// - "emotion": names and strengths that do not change over time; neutral if it is not set. "auto"
 ///   shows the emotion that is heard in the sound from now on, updated three times a second.
+/// - "performer", a file that was learned with FreeTalk, and "performer_strength".
 /// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
 ///   stays so. Otherwise only speech does.
 /// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The

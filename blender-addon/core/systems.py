@@ -97,6 +97,11 @@ class System:
     # The names in `sliders.NAMES` that its takes may have.
     sliders: tuple[str, ...] = ()
 
+    @property
+    def shows_performers(self) -> bool:
+        """Whether its faces can speak as one person does."""
+        return any(field.name == "performer" for field in self.fields)
+
 
 @cache
 def known() -> tuple[System, ...]:

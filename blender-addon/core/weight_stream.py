@@ -104,6 +104,19 @@ class WeightStream:
             self._engine._text(self._request, "emotion", "auto")
             self._call("obey", self._request)
 
+    def set_performer(self, path, strength: float = 1.0) -> None:
+        """Shows the performer of a file from the next frame on, as strongly as `strength`, 0 to 2.
+
+        The performer was learned with FreeTalk; None shows none.
+        """
+        number = number_of("performer_strength", strength)
+        with self._lock:
+            self._open()
+            self._engine._text(self._request, "performer", "" if path is None else path)
+            name = b"performer_strength"
+            self._engine._call("anyface_request_set_number", self._request, name, number)
+            self._call("obey", self._request)
+
     def look_ahead(self, seconds: float) -> None:
         """Limits the look-ahead to `seconds`. Call it before the first sound."""
         self._obey_number(b"look_ahead_s", seconds)

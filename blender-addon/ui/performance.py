@@ -6,8 +6,8 @@ from bpy.types import Panel
 
 from ..core import systems
 from ..scene.life.settings import CONTROLS
-from . import audio, preferences, words
-from .panel import OfFacePanel
+from . import audio, performers, preferences, words
+from .panel import OfFacePanel, named
 from .target import sequencer_scene, target
 
 _OTHERS = ("fps", "axes", "landmark_file")
@@ -40,6 +40,9 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
+        if systems.by_name(settings.system).shows_performers:
+            menu = named(layout, "Performer")
+            menu.menu("ANYFACE_MT_performers", text=performers.name_of(settings))
         if systems.by_name(settings.system).hears_emotion:
             audio.draw_emotion_strip(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))

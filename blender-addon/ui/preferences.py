@@ -41,6 +41,13 @@ class AnyfacePreferences(AddonPreferences):
         subtype="DIR_PATH",
     )
 
+    performer_folder: StringProperty(
+        name="Performer Folder",
+        description="Folder of performers, such as one that a studio shares; empty uses a folder "
+        "of the extension",
+        subtype="DIR_PATH",
+    )
+
     research: BoolProperty(
         name="Research Controls",
         description="Show controls for how a model works: guidance, noise, steps, fields "
@@ -71,6 +78,7 @@ class AnyfacePreferences(AddonPreferences):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
         self.layout.prop(self, "emotion_model", placeholder="Built-In")
+        self.layout.prop(self, "performer_folder", placeholder="The Extension's")
         self.layout.prop(self, "microphone", placeholder="System's Choice")
         self.layout.prop(self, "look_ahead")
         self.layout.prop(self, "threads")
@@ -121,6 +129,21 @@ def emotion_model() -> Path | None:
     """The folder of Whisper base, which hears emotions; None for the built-in model."""
     folder = _stored("emotion_model", "")
     return Path(bpy.path.abspath(folder)) if folder else None
+
+
+def performer_folder(create: bool = False) -> Path:
+    """The folder of the performers. Raises `AnyfaceError("file")` if there is none."""
+    folder = _stored("performer_folder", "")
+    try:
+        if not folder:
+            return Path(bpy.utils.extension_path_user(PACKAGE, path="performers", create=create))
+        path = Path(bpy.path.abspath(folder))
+        if create:
+            path.mkdir(parents=True, exist_ok=True)
+        return path
+    except (ValueError, OSError) as error:
+        text = f"no folder for performers: {error}: choose one in the preferences"
+        raise AnyfaceError("file", text) from error
 
 
 def _stored(name: str, otherwise):

@@ -33,6 +33,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
             line.operator("anyface.take_push_down", text="", icon="NLA_PUSHDOWN").take = row.id
             line.operator("anyface.take_delete", text="", icon="TRASH").take = row.id
         layout.operator("anyface.take_keep")
+        layout.operator("anyface.performer_learn")
 
 
 class ANYFACE_OT_take_keep(Alone, Operator):

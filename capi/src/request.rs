@@ -1,11 +1,16 @@
 //! Requests: how an engine, a face and a performance shall be, by name.
 
-use std::{ffi::CString, ptr::null, sync::LazyLock};
+use std::{
+    ffi::CString,
+    ptr::null,
+    sync::{Arc, LazyLock},
+};
 
 use anyface::{
     EngineOptions, Error, MotionRequest,
     conditions::{ControlStage, Controls, Emotion, EmotionCurve},
     face::FaceOptions,
+    motion::Performer,
     rig::ShapeSource,
     systems::{FIELDS, FieldValue, NamedValue, SYSTEMS, describe, set_field},
 };
@@ -33,6 +38,16 @@ pub struct AnyfaceRequest {
 }
 
 impl AnyfaceRequest {
+    /// The performer, and how strongly it is shown.
+    pub(crate) fn performer(&self) -> (Option<Arc<Performer>>, f32) {
+        let MotionRequest {
+            performer,
+            performer_strength,
+            ..
+        } = &self.performance;
+        (performer.clone(), *performer_strength)
+    }
+
     /// The request of a performance. NULL asks for nothing.
     ///
     /// # Safety

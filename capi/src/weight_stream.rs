@@ -143,6 +143,7 @@ pub unsafe extern "C" fn anyface_weight_stream_finish(
 /// Obeys a request from the next frame on, which is the first one of the next pull. It reads:
 /// - "emotion": names and strengths that do not change over time; neutral if it is not set. "auto"
 ///   shows the emotion that is heard in the sound from now on, updated three times a second.
+/// - "performer", a file that was learned with FreeTalk, and "performer_strength".
 /// - "hear_all", a number: 1 lets every sound move the face, including singing, music and noise. It
 ///   stays so. Otherwise only speech does.
 /// - "look_ahead_s", a number, before the first sound: limits the look-ahead to these seconds. The
@@ -170,6 +171,8 @@ pub unsafe extern "C" fn anyface_weight_stream_obey(
             look_ahead_s.map_or(Ok(()), |seconds| stream.weights.look_ahead(seconds))?;
             stream.look_ahead_s = look_ahead_s;
         }
+        let (performer, strength) = request.performer();
+        stream.weights.set_performer(performer, strength)?;
         if request.options.hears_all {
             stream.weights.hear_all();
         }

@@ -76,7 +76,7 @@ class Bench:
             raise AnyfaceError(
                 "mesh",
                 f"{self._ob.name} has other vertices once it is evaluated, by geometry of its keys "
-                "or of a modifier that is driven: turn that off to fit controls",
+                "or of a modifier that is driven: turn that off first",
             )
         flat = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
         mesh.attributes["position"].data.foreach_get("vector", flat)

@@ -17,6 +17,7 @@ mod websocket;
 use std::{
     collections::VecDeque,
     path::Path,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -24,7 +25,7 @@ use anyface::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
     conditions::{ControlStage, EMOTIONS, Emotion, EmotionCurve},
-    motion::{PERFORMANCE_CONTROLS, PerformanceControls, WeightStream, check_fps},
+    motion::{PERFORMANCE_CONTROLS, PerformanceControls, Performer, WeightStream, check_fps},
 };
 use clap::Args;
 
@@ -89,6 +90,12 @@ pub struct Live {
     /// wait shows the face sooner, but less accurately
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     look_ahead: Option<f64>,
+    /// Let the face move as this performer does, learned with freetalk (`anyface performer learn`)
+    #[arg(long, value_name = "P.performer")]
+    performer: Option<InputPath>,
+    /// How much of the performer the face shows: 1 is as that person speaks, 0 as without
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    performer_strength: f64,
     #[command(flatten)]
     devices: DeviceArgs,
     /// Frames per second. Any rate other than the stream's is interpolated, which delays the face by one
@@ -140,6 +147,7 @@ impl Live {
             Some(input) if !is_pipe(input) => Some(self.read(input, console)?),
             _ => None,
         };
+        let performer = self.performer()?;
         let mut stream = shared.engine()?.weight_stream()?;
         if matches!(emotion, EmotionCurve::Auto) {
             stream.hear_emotion();
@@ -147,6 +155,7 @@ impl Live {
         if let Some(seconds) = self.look_ahead {
             stream.look_ahead(seconds)?;
         }
+        stream.set_performer(performer, self.performer_strength as f32)?;
         if self.any_sound {
             stream.hear_all();
         }
@@ -182,6 +191,17 @@ impl Live {
         let result = show.run(input).and_then(|()| show.targets.finish());
         show.meter.clear();
         result
+    }
+
+    fn performer(&self) -> Result<Option<Arc<Performer>>> {
+        if !(0.0..=2.0).contains(&self.performer_strength) {
+            return Err(Error::InvalidInput(format!(
+                "--performer-strength: expected 0 to 2, got {}",
+                self.performer_strength
+            )));
+        }
+        let read = |path: &InputPath| Performer::read(path.as_ref()).map(Arc::new);
+        self.performer.as_ref().map(read).transpose()
     }
 
     /// Reads the samples of the file `input`.

@@ -1,5 +1,7 @@
 """Animates a face while somebody is speaking."""
 
+import os
+
 from .core.emotion import parse
 from .core.errors import AnyfaceError
 from .core.native import Engine
@@ -19,7 +21,7 @@ class Stream(WeightStream):
 
     Speech moves the face. Under music and noise it rests, unless `any_sound` is set. A frame waits
     until `look_ahead` seconds of sound after it have arrived. FreeTalk supports 0.19, 0.07 and 0 s;
-    the shorter, the less accurate the motion.
+    the shorter, the less accurate the motion. `performer` is a file of `learn_performer`.
     Threads may share a stream. Raises `AnyfaceError` for an engine whose system needs
     the whole sound.
     """
@@ -30,6 +32,8 @@ class Stream(WeightStream):
         emotion: str = "neutral",
         any_sound: bool = False,
         look_ahead: float | None = None,
+        performer: str | os.PathLike[str] | None = None,
+        performer_strength: float = 1.0,
         engine: Engine | None = None,
     ):
         if not isinstance(engine, Engine | None):
@@ -37,6 +41,8 @@ class Stream(WeightStream):
         super().__init__(built_in() if engine is None else engine)
         if look_ahead is not None:
             self.look_ahead(look_ahead)
+        if performer is not None:
+            self.set_performer(performer, performer_strength)
         if any_sound:
             self.hear_all()
         self.emotion = emotion

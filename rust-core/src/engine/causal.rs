@@ -55,7 +55,8 @@ impl Engine {
     ///
     /// # Errors
     /// `Audio` for samples that are not finite, `InvalidInput` for a request out of range or one
-    /// that asks for a style, controls or an emotion from the voice, `Cancelled`.
+    /// that asks for a style, controls, an emotion from the voice or a performer that the stream cannot show,
+    /// `Cancelled`.
     pub fn causal_motion(
         &self,
         waveform: &Waveform,
@@ -67,6 +68,7 @@ impl Engine {
         let mut stream = self.stream()?;
         // Someone who chooses a recording wants all of its sound to move the face.
         stream.hear_all();
+        stream.set_performer(request.performer.clone(), request.performer_strength)?;
         let samples = &waveform.samples;
         let clip = stream_whole(stream.as_mut(), samples, &request.emotion, progress)?;
         check_result("motion", clip.displacements.view().into_dyn())?;

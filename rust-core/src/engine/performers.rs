@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use ndarray::Array1;
+
 use super::Engine;
 use crate::{
     Result,
@@ -24,6 +26,11 @@ pub struct CapturedTake {
     pub sound: Waveform,
     /// The motion from the start of the sound on, canonical metres, at any frame rate.
     pub motion: LandmarkClip,
+    /// What Anyface had generated before somebody corrected it into `motion`: then the corrections alone are
+    /// learned. `None` for other faces.
+    pub generated: Option<LandmarkClip>,
+    /// `[T]`, how much each frame of `motion` counts, above 0. `None` counts all alike.
+    pub frame_weights: Option<Array1<f32>>,
 }
 
 impl Engine {
@@ -41,28 +48,44 @@ impl Engine {
         self.registration
             .require(Ability::Performer, "performers")?;
         self.threads(|| {
-            let mut lessons = Vec::new();
+            let (mut lessons, mut live_lessons) = (Vec::new(), Vec::new());
             for (number, take) in takes.iter().enumerate() {
                 let share = |p: Progress| {
                     let fraction = (number as f32 + p.fraction) / takes.len() as f32;
                     progress(Progress { fraction, ..p })
                 };
-                lessons.push(self.lesson(take, &share)?);
+                let lesson = self.lesson(take, &share)?;
+                live_lessons.extend(self.live_lesson(take, &lesson)?);
+                lessons.push(lesson);
             }
-            learn(self.encoder.get()?.name(), lessons)
+            let (system, encoder) = (self.registration.name, self.encoder.get()?.name());
+            let performer = learn(system, encoder, lessons)?;
+            if live_lessons.is_empty() {
+                return Ok(performer);
+            }
+            // A stream hears less. Where nothing is gained it keeps the model's speaker.
+            Ok(match learn(system, encoder, live_lessons) {
+                Ok(live) => performer.with_live(live),
+                Err(why) => performer.without_live(why.to_string()),
+            })
         })
     }
 
     /// Reads a sound, and the motion of the face that spoke it ([`read_captured_face`]). The take is named after
-    /// the motion's file.
+    /// the motion's file, without its folder.
     ///
     /// # Errors
     /// Those of [`Waveform::from_file`] and [`read_captured_face`].
     pub fn captured_take(&self, sound: &Path, motion: &Path) -> Result<CapturedTake> {
+        let face = read_captured_face(motion)?;
+        // A performer is passed on: folders are nobody's business.
+        let name = motion.file_name().unwrap_or(motion.as_os_str());
         Ok(CapturedTake {
-            name: motion.display().to_string(),
+            name: name.to_string_lossy().into_owned(),
             sound: Waveform::from_file(sound)?,
-            motion: self.landmarks_of(&read_captured_face(motion)?)?,
+            motion: self.landmarks_of(&face.motion)?,
+            generated: face.generated,
+            frame_weights: face.frame_weights,
         })
     }
 
@@ -77,8 +100,27 @@ impl Engine {
                 .map(|t| speaks(&heard.prosody, t as f64 / model.fps))
                 .collect(),
             captured: take.motion.clone(),
+            generated: take.generated.clone(),
+            frame_weights: take.frame_weights.clone(),
             model,
         })
+    }
+
+    /// The lesson of the live stream beside the one of the whole ear.
+    fn live_lesson(&self, take: &CapturedTake, lesson: &Lesson) -> Result<Option<Lesson>> {
+        let Some((features, model)) = self.system.live_speaker(&take.sound.samples)? else {
+            return Ok(None);
+        };
+        let last = lesson.speaks.len().saturating_sub(1);
+        let at = |t: usize| ((t as f64 / model.fps * lesson.model.fps) as usize).min(last);
+        Ok(Some(Lesson {
+            speaks: (0..features.nrows())
+                .map(|t| lesson.speaks[at(t)])
+                .collect(),
+            features,
+            model,
+            ..lesson.clone()
+        }))
     }
 }
 

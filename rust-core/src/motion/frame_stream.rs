@@ -1,8 +1,10 @@
 //! Live motion while somebody is speaking: the interface of every system that streams.
 
+use std::sync::Arc;
+
 use ndarray::Array3;
 
-use super::LandmarkClip;
+use super::{LandmarkClip, Performer};
 use crate::{
     Error, Result,
     audio::SAMPLE_RATE_HZ,
@@ -101,6 +103,21 @@ pub trait MotionStream: Send {
 
     /// Lets every sound move the face from here on, even singing, music and noise. Before, only speech does.
     fn hear_all(&mut self);
+
+    /// Lets the face move as `performer` does from the next frame on, as strongly as `strength` (0 to 2), or as the
+    /// model's own speaker for `None`.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a performer that this stream cannot show.
+    fn set_performer(&mut self, performer: Option<Arc<Performer>>, strength: f32) -> Result<()> {
+        let _ = strength;
+        match performer {
+            None => Ok(()),
+            Some(_) => Err(Error::InvalidInput(
+                "performer: expected a system whose live stream shows performers (freetalk), got another one".into(),
+            )),
+        }
+    }
 
     /// Limits the look-ahead to `seconds`, from the first sound on. The face then moves sooner but follows
     /// the speech less surely. By default a stream looks ahead as far as it can.

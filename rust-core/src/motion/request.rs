@@ -2,13 +2,16 @@
 
 use std::{ops::RangeInclusive, sync::Arc};
 
+use ndarray::{Array3, Axis};
+
 use crate::{
     Error, Result,
     conditions::{Controls, EmotionCurve, Event},
-    speech::{Script, VoiceTrack},
+    mesh::ibug::LANDMARKS,
+    speech::{Script, SpeechFeatures, VoiceTrack},
 };
 
-use super::{ARTICULATION, Performer, Pose};
+use super::{ARTICULATION, LandmarkClip, Performer, Pose};
 
 /// The frame rates that a result may have, in frames per second.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -89,6 +92,40 @@ impl MotionRequest {
         };
         let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
         (sum / curve.keys.len() as f64) as f32
+    }
+
+    /// Adds what the performer does beyond the model's speaker to `clip`, or to finished motion if the performer
+    /// `corrects`. Returns whether there is a performer of that kind. The features are heard at `features_fps`.
+    ///
+    /// # Errors
+    /// Those of [`Performer::add_to`].
+    pub(crate) fn add_performer(
+        &self,
+        clip: &mut LandmarkClip,
+        (heard, features_fps): (&SpeechFeatures, f64),
+        corrects: bool,
+    ) -> Result<bool> {
+        let performer = self.performer.as_ref();
+        let Some(performer) = performer.filter(|known| known.card().corrects == corrects) else {
+            return Ok(false);
+        };
+        let features = heard.features(features_fps);
+        let mut own = LandmarkClip {
+            displacements: Array3::zeros((features.nrows(), LANDMARKS, 3)),
+            fps: features_fps,
+        };
+        let read_from = (features.view(), heard.encoder_name());
+        performer.add_to(
+            own.displacements.view_mut(),
+            read_from,
+            self.performer_strength,
+        )?;
+        let frames = clip.displacements.len_of(Axis(0));
+        if (clip.fps, frames) != (own.fps, features.nrows()) {
+            own = own.at_rate(clip.fps, frames);
+        }
+        clip.displacements += &own.displacements;
+        Ok(true)
     }
 
     /// The same request for the sound from `start_s` on. All times move earlier by `start_s`.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::{
-    FaceModes, MotionStream, PerformanceControls,
+    FaceModes, MotionStream, PerformanceControls, Performer,
     idle::{Idle, IdleMotion},
     shape_fit::ShapeFit,
 };
@@ -240,6 +240,18 @@ impl WeightStream {
     /// Those of [`MotionStream::look_ahead`].
     pub fn look_ahead(&mut self, seconds: f64) -> Result<()> {
         self.motion.look_ahead(seconds)
+    }
+
+    /// As [`MotionStream::set_performer`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_performer(
+        &mut self,
+        performer: Option<Arc<Performer>>,
+        strength: f32,
+    ) -> Result<()> {
+        self.motion.set_performer(performer, strength)
     }
 
     /// Lets every sound move the face from now on, including singing, music and noise. Without

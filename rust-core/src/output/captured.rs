@@ -2,9 +2,12 @@
 
 use std::path::Path;
 
-use ndarray::Array2;
+use ndarray::{Array1, Array2, Array3};
 
-use super::landmark_motion::{read_landmark_motion, read_weights};
+use super::{
+    landmark_motion::{LandmarkMotion, read_landmark_motion, read_weights},
+    numpy::NumpyArchive,
+};
 use crate::{
     Error, Result,
     job::{InputKind, read_text},
@@ -17,20 +20,45 @@ use crate::{
 const USUAL_FPS: f64 = 30.0;
 /// The fewest shapes of ARKit's that make a file a capture of a face.
 const FEWEST_SHAPES: usize = 10;
+/// How little and how much a frame may count.
+const COUNTS: std::ops::RangeInclusive<f32> = 1e-3..=1e3;
+
+/// The motion of a captured face.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CapturedFace {
+    /// What the face did.
+    pub motion: Motion,
+    /// What Anyface had generated before somebody corrected it into `motion`, in the same frames.
+    pub generated: Option<LandmarkClip>,
+    /// `[T]`, how much each frame of `motion` counts for those who learn from it, 0.001 to 1000. `None` counts all
+    /// alike.
+    pub frame_weights: Option<Array1<f32>>,
+}
+
+impl From<Motion> for CapturedFace {
+    fn from(motion: Motion) -> CapturedFace {
+        CapturedFace {
+            motion,
+            generated: None,
+            frame_weights: None,
+        }
+    }
+}
 
 /// Reads a captured face: `.csv` of Live Link Face, whose columns are ARKit's shapes, or `.npz` with
-/// `landmark_displacements` or `weights`.
+/// `landmark_displacements` or `weights`. An archive may also hold `frame_weights` `[T]`, and beside landmarks
+/// `generated_displacements` `[T, 68, 3]` ([`CapturedFace`]).
 ///
 /// Landmarks in the units of a mesh are turned and scaled to canonical metres by the rest pose that lies beside
 /// them.
 ///
 /// # Errors
 /// `Io` if the file cannot be read; `InvalidInput` for another format, for one of too few shapes, or for numbers
-/// that are not finite.
-pub fn read_captured_face(path: &Path) -> Result<Motion> {
+/// that are not finite; `ShapeMismatch` for arrays whose frames are not as many.
+pub fn read_captured_face(path: &Path) -> Result<CapturedFace> {
     let ending = path.extension().and_then(|ending| ending.to_str());
     match ending.map(str::to_ascii_lowercase).as_deref() {
-        Some("csv") => read_live_link(path).map(Motion::Weights),
+        Some("csv") => read_live_link(path).map(|clip| Motion::Weights(clip).into()),
         Some("npz") => read_archive(path),
         _ => Err(Error::InvalidInput(format!(
             "{}: expected the motion of a face: a .csv of Live Link Face, or an .npz of landmarks or weights",
@@ -39,21 +67,87 @@ pub fn read_captured_face(path: &Path) -> Result<Motion> {
     }
 }
 
-fn read_archive(path: &Path) -> Result<Motion> {
+fn read_archive(path: &Path) -> Result<CapturedFace> {
     if let Ok(Some(weights)) = read_weights(path) {
-        return Ok(Motion::Weights(weights));
+        let frame_weights = read_frame_weights(path, weights.weights.nrows())?;
+        return Ok(CapturedFace {
+            frame_weights,
+            ..Motion::Weights(weights).into()
+        });
     }
     let motion = read_landmark_motion(path)?;
+    let frames = motion.displacements.dim().0;
+    let generated = match read_generated(path, motion.displacements.dim())? {
+        Some(displacements) => Some(canonical(&motion, displacements)?),
+        None => None,
+    };
+    let displacements = motion.displacements.clone();
+    Ok(CapturedFace {
+        motion: Motion::Landmarks(canonical(&motion, displacements)?),
+        generated,
+        frame_weights: read_frame_weights(path, frames)?,
+    })
+}
+
+/// Displacements `[T, 68, 3]` in the units of `motion` as canonical metres.
+fn canonical(motion: &LandmarkMotion, displacements: Array3<f32>) -> Result<LandmarkClip> {
     let displacements = match &motion.neutral {
         Some(neutral) => {
             let fit = Similarity::fit(neutral, canonical_landmarks(), None)?;
             fit.similarity
-                .displacements_to_canonical(motion.displacements.view())
+                .displacements_to_canonical(displacements.view())
         }
-        None => motion.displacements,
+        None => displacements,
     };
     let fps = motion.fps.unwrap_or(USUAL_FPS);
-    Ok(Motion::Landmarks(LandmarkClip { displacements, fps }))
+    Ok(LandmarkClip { displacements, fps })
+}
+
+fn read_generated(path: &Path, size: (usize, usize, usize)) -> Result<Option<Array3<f32>>> {
+    let mut npz = NumpyArchive::open(path)?;
+    if !npz.has("generated_displacements") {
+        return Ok(None);
+    }
+    let generated: Array3<f32> = npz.array("generated_displacements")?;
+    if generated.dim() != size {
+        return Err(Error::ShapeMismatch {
+            what: "generated_displacements",
+            expected: format!("{size:?}, as landmark_displacements"),
+            got: format!("{:?}", generated.dim()),
+        });
+    }
+    let is_finite = generated.iter().all(|x| x.is_finite());
+    if !is_finite {
+        return Err(Error::InvalidInput(format!(
+            "{}: generated_displacements: expected finite numbers, got NaN or infinity",
+            path.display()
+        )));
+    }
+    Ok(Some(generated))
+}
+
+fn read_frame_weights(path: &Path, frames: usize) -> Result<Option<Array1<f32>>> {
+    let mut npz = NumpyArchive::open(path)?;
+    if !npz.has("frame_weights") {
+        return Ok(None);
+    }
+    let counts: Array1<f32> = npz.array("frame_weights")?;
+    if counts.len() != frames {
+        return Err(Error::ShapeMismatch {
+            what: "frame_weights",
+            expected: format!("[{frames}], one number a frame"),
+            got: format!("[{}]", counts.len()),
+        });
+    }
+    if let Some(count) = counts.iter().find(|count| !COUNTS.contains(count)) {
+        return Err(Error::InvalidInput(format!(
+            "{}: frame_weights: expected numbers from {} to {}, got {count}",
+            path.display(),
+            COUNTS.start(),
+            COUNTS.end()
+        )));
+    }
+    Ok(Some(counts))
 }
 
 /// Reads the CSV that Live Link Face records, or `anyface` writes: a header, then a row for each frame. Columns that
@@ -182,7 +276,10 @@ fn at_even_times(times_s: &[f64], values: &[Vec<f32>], fps: f64) -> Array2<f32> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{output::write_blend_weights, rig::SolvedWeights};
+    use crate::{
+        output::{npz::Archive, write_blend_weights},
+        rig::SolvedWeights,
+    };
 
     #[test]
     fn what_is_written_for_live_link_comes_back() {
@@ -194,7 +291,7 @@ mod tests {
             let values = Array2::from_shape_fn((frames, ARKIT.len()), values);
             let written = SolvedWeights::exact(names, values);
             write_blend_weights(&path, &written, fps).unwrap();
-            let Motion::Weights(read) = read_captured_face(&path).unwrap() else {
+            let Motion::Weights(read) = read_captured_face(&path).unwrap().motion else {
                 panic!("a CSV holds weights");
             };
             assert_eq!((read.fps, read.weights.dim()), (fps, (frames, ARKIT.len())));
@@ -203,6 +300,47 @@ mod tests {
                     .iter()
                     .all(|x| x.abs() < 1e-3)
             );
+        }
+    }
+
+    #[test]
+    fn a_corrected_take_has_what_was_generated_and_how_much_frames_count() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("take.npz");
+        // Lengths in a mesh ten times as large as a human.
+        let neutral = canonical_landmarks().map(|place| place.map(|x| 10.0 * x));
+        let write = |generated: usize, counts: &[f32]| {
+            let mut npz = Archive::new(std::fs::File::create(&path).unwrap());
+            npz.neutral(&neutral).unwrap();
+            for (name, frames, x) in [
+                ("landmark_displacements", 4, 0.2),
+                ("generated_displacements", generated, 0.1),
+            ] {
+                npz.start(name, "<f4", &[frames, 68, 3]).unwrap();
+                let moved = Array3::from_elem((frames, 68, 3), x);
+                npz.values(moved.view()).unwrap();
+            }
+            npz.start("frame_weights", "<f4", &[counts.len()]).unwrap();
+            let counts = Array3::from_shape_vec((1, 1, counts.len()), counts.to_vec()).unwrap();
+            npz.values(counts.view()).unwrap();
+            npz.finish().unwrap();
+            read_captured_face(&path)
+        };
+        let face = write(4, &[1.0, 4.0, 4.0, 1.0]).unwrap();
+        let Motion::Landmarks(moved) = &face.motion else {
+            panic!("landmarks were written");
+        };
+        assert!((moved.displacements[[0, 0, 0]] - 0.02).abs() < 1e-5);
+        assert!((face.generated.unwrap().displacements[[3, 9, 2]] - 0.01).abs() < 1e-5);
+        assert_eq!(face.frame_weights.unwrap()[1], 4.0);
+        for (generated, counts, reason) in [
+            (3, &[1.0; 4][..], "generated_displacements"),
+            (4, &[1.0; 3][..], "one number a frame"),
+            (4, &[1.0, 0.0, 1.0, 1.0][..], "from 0.001 to 1000, got 0"),
+            (4, &[1.0, f32::NAN, 1.0, 1.0][..], "got NaN"),
+        ] {
+            let error = write(generated, counts).unwrap_err().to_string();
+            assert!(error.contains(reason), "{error}");
         }
     }
 
@@ -222,7 +360,7 @@ mod tests {
             format!("Timecode,BlendShapeCount,{names}\n{}\n", rows.join("\n")),
         )
         .unwrap();
-        let Motion::Weights(read) = read_captured_face(&path).unwrap() else {
+        let Motion::Weights(read) = read_captured_face(&path).unwrap().motion else {
             panic!("a CSV holds weights");
         };
         assert_eq!((read.fps, read.weights.nrows()), (30.0, 90));

@@ -36,7 +36,7 @@ mod vrm;
 use std::path::Path;
 
 pub use blend_weights::write_blend_weights;
-pub use captured::read_captured_face;
+pub use captured::{CapturedFace, read_captured_face};
 pub use clip_file::ClipFile;
 pub use format::Format;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};

@@ -239,6 +239,16 @@ impl CausalSpeech {
         }
     }
 
+    /// The features `[C]` from which the last row was read.
+    pub fn hidden(&self) -> &[f32] {
+        &self.row
+    }
+
+    /// Whether the main head gives the rows, which looks ahead farthest.
+    pub fn has_main_head(&self) -> bool {
+        self.sooner.is_none()
+    }
+
     /// Index of the row that [`CausalSpeech::pull`] gives next.
     pub fn next_row(&self) -> usize {
         self.next_row

@@ -326,11 +326,16 @@ pub fn set_field<'a>(
 /// Checks that a system obeys every field that a request sets.
 ///
 /// # Errors
-/// `InvalidInput`, with the names of the systems that obey it, for the first field that it does not.
+/// `InvalidInput`, with the names of the systems that obey it, for the first field that it does not, and for a
+/// performer of another system.
 pub(crate) fn check_abilities(request: &MotionRequest, system: &Registration) -> Result<()> {
     let needs = FIELDS.iter().filter_map(|field| field.needs.as_ref());
     let mut needs = needs.filter(|need| (need.is_set)(request));
-    needs.try_for_each(|need| system.require(need.ability, need.task))
+    needs.try_for_each(|need| system.require(need.ability, need.task))?;
+    match &request.performer {
+        Some(performer) => performer.check_system(system.name),
+        None => Ok(()),
+    }
 }
 
 impl FieldKind {

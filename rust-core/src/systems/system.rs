@@ -2,6 +2,8 @@
 
 use std::{path::Path, sync::Arc};
 
+use ndarray::Array2;
+
 use super::{Slider, Windows};
 use crate::{
     Error, Result,
@@ -182,6 +184,16 @@ pub trait System: Send + Sync {
         Err(Error::InvalidInput(
             "performers: expected a system that shows them".into(),
         ))
+    }
+
+    /// What the live stream hears in samples `[S]` at 16 kHz, features `[T, C]`, and what it does with them before
+    /// contacts. `None` for a system whose stream shows no performers.
+    ///
+    /// # Errors
+    /// `Audio` for samples that are not finite.
+    fn live_speaker(&self, samples: &[f32]) -> Result<Option<(Array2<f32>, LandmarkClip)>> {
+        let _ = samples;
+        Ok(None)
     }
 
     /// Applies the controls of `request` to the sampled motion. Blinks come as often as under

@@ -22,6 +22,7 @@ mod one_eye;
 mod open_eyes;
 mod parts;
 mod performance;
+mod performers;
 mod rim_crossing;
 mod sliders;
 mod spread;

@@ -20,15 +20,30 @@ pub use teeth::{AT_TEETH_M, LIP, distance, excess};
 pub use width::WidthGain;
 
 impl LandmarkClip {
-    /// Shapes the mouth ([`crate::speech::LIP_SHAPES`]), brings the lower lip to the upper teeth for
-    /// f and v, and brings the lips together for p, b, m.
+    /// Shapes the mouth ([`crate::speech::LIP_SHAPES`]), then makes it [touch](Self::touch).
     ///
     /// Frames far from a contact keep the network's motion, which resembles that of recorded lips.
     ///
     /// # Errors
     /// `Weights` for modes without the jaw.
     pub fn make_contacts(&mut self, contacts: &LipContacts, modes: &FaceModes) -> Result<()> {
-        shapes::take_shapes(self, &contacts.shapes, modes)?;
+        self.take_shapes(contacts, modes)?;
+        self.touch(contacts, modes)
+    }
+
+    /// Gives the mouth the shapes of [`crate::speech::LIP_SHAPES`].
+    ///
+    /// # Errors
+    /// `Weights` for modes without the jaw.
+    pub(crate) fn take_shapes(&mut self, contacts: &LipContacts, modes: &FaceModes) -> Result<()> {
+        shapes::take_shapes(self, &contacts.shapes, modes)
+    }
+
+    /// Brings the lower lip to the upper teeth for f and v, and the lips together for p, b, m.
+    ///
+    /// # Errors
+    /// `Weights` for modes without the jaw.
+    pub(crate) fn touch(&mut self, contacts: &LipContacts, modes: &FaceModes) -> Result<()> {
         teeth::reach_teeth(self, &contacts.at_teeth);
         lips::close_lips(self, &contacts.together, modes)
     }

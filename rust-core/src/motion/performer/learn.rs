@@ -2,7 +2,7 @@
 //!
 //! The strength of the ridge is chosen on parts of the takes that are left out in turn.
 
-use ndarray::{Array2, ArrayView2, Axis, concatenate};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
 
 use super::{
     AspectScore, LearnedTake, Performer, PerformerCard, VERSION, add_row,
@@ -12,7 +12,7 @@ use crate::{
     Error, Result,
     mesh::ibug::speaking,
     motion::{
-        LandmarkClip,
+        LandmarkClip, at_rate,
         contacts::{gap, width},
     },
 };
@@ -41,6 +41,8 @@ const STILL_M: f64 = 2e-4;
 const UNLIKE: f64 = 0.15;
 /// The share of the squared difference that has to stay unexplained at most, on parts left out.
 const MOST_LEFT: f64 = 0.97;
+/// Takes that differ from the model by less than this teach nothing, root mean square. Metres.
+const EQUAL_M: f64 = 1e-6;
 
 /// A take to learn from: 25 or so frames a second of one sound.
 #[derive(Debug, Clone)]
@@ -54,17 +56,24 @@ pub struct Lesson {
     /// What the person's face did, from the start of the sound on. Its rest is taken from the frames in which
     /// nobody speaks.
     pub captured: LandmarkClip,
+    /// What had been generated before somebody corrected it into `captured`. Then only the corrections are
+    /// learned, and the rest pose stays.
+    pub generated: Option<LandmarkClip>,
+    /// `[T]`, how much each frame of `captured` counts, above 0. `None` counts all alike.
+    pub frame_weights: Option<Array1<f32>>,
     /// `[T]`, whether somebody speaks.
     pub speaks: Vec<bool>,
 }
 
-/// Learns how a person's mouth differs from that of the model's speaker. `encoder` is the name of the speech
-/// encoder of the features.
+/// Learns how a person's mouth differs from that of the model's speaker. `system` is the name of the system of
+/// that speaker, `encoder` that of the speech encoder of the features.
 ///
 /// # Errors
 /// `InvalidInput` for takes that are too short, whose face is still, says something else or drifts against the
-/// sound, and if the result would follow the person no better than the model's speaker does.
-pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
+/// sound, that equal what the model does, of which some were corrected and others not, and if the result would follow the person no better than the model's
+/// speaker does.
+pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
+    let corrects = check_kind(&lessons)?;
     let prepared = lessons
         .iter()
         .map(Prepared::new)
@@ -74,30 +83,71 @@ pub fn learn(encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
     let folds = Folds::of(&prepared);
     let tried = RIDGES.iter().map(|&ridge| {
         let predicted = folds.predicted(&all, ridge);
-        let left = sum_of_squares((&all.difference - &predicted).view());
+        let left = all.sum_of_squares(&(&all.difference - &predicted));
         (left, ridge, predicted)
     });
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     let (left, ridge, predicted) = best.expect("there are ridges to choose from");
-    let without: f64 = sum_of_squares(centred(&all.difference).view());
-    if left >= MOST_LEFT * without {
-        return Err(Error::InvalidInput(format!(
-            "performer: expected takes whose left out parts it follows better than the model does, got {:.0} % of the \
-             difference unexplained: give more takes, or check that sound and motion belong together",
-            100.0 * left / without.max(1e-12)
-        )));
-    }
-    let read_out = ReadOut::fit(&all.features, &all.difference, ridge * all.seconds);
+    check_gain(&all, left, corrects)?;
+    let read_out = all.fit(ridge);
     Ok(Performer {
         card: PerformerCard {
             version: VERSION,
+            system: system.to_owned(),
             encoder: encoder.to_owned(),
+            corrects,
             takes: prepared.iter().map(|take| take.card.clone()).collect(),
             ridge,
             scores: scores(&prepared, &predicted),
+            live_scores: Vec::new(),
+            live_refusal: "its system has no such stream".into(),
         },
         read_out,
+        live: None,
     })
+}
+
+/// Whether the takes were corrected, all or none.
+fn check_kind(lessons: &[Lesson]) -> Result<bool> {
+    let corrected = lessons.iter().filter(|lesson| lesson.generated.is_some());
+    match corrected.count() {
+        0 => Ok(false),
+        count if count == lessons.len() => Ok(true),
+        count => Err(Error::InvalidInput(format!(
+            "performer: expected takes that were all corrected or all captured, got {count} of {} with \
+             generated_displacements: learn two performers",
+            lessons.len()
+        ))),
+    }
+}
+
+/// Refuses a fit that leaves `left` of the squared difference unexplained, if this is nearly all.
+fn check_gain(all: &Rows, left: f64, is_correction: bool) -> Result<()> {
+    let refuse = |why: String| {
+        Err(Error::InvalidInput(format!(
+            "performer: expected takes {why}"
+        )))
+    };
+    let without = all.sum_of_squares(&(&all.difference - &all.mean_difference()));
+    if without < EQUAL_M.powi(2) * all.difference.len() as f64 {
+        return refuse(
+            "that differ from what the model does, got equal ones: correct one of them by hand, or give those of \
+             another speaker"
+                .into(),
+        );
+    }
+    if left < MOST_LEFT * without {
+        return Ok(());
+    }
+    let next = if is_correction {
+        "correct the same sound in more words"
+    } else {
+        "give more takes, or check that sound and motion belong together"
+    };
+    refuse(format!(
+        "whose left out parts it follows better than the model does, got {:.0} % of the difference unexplained: {next}",
+        100.0 * left / without
+    ))
 }
 
 /// A take whose lag and rest are taken off.
@@ -105,11 +155,14 @@ struct Prepared {
     card: LearnedTake,
     fps: f64,
     features: Array2<f32>,
-    /// The model's speaker and the person, with the same number of frames.
+    /// The model's speaker, or what was generated before the correction, and the person, with the same number of
+    /// frames.
     model: LandmarkClip,
     captured: LandmarkClip,
     /// Person less model, `[T, 3 L]`, less what it is at rest.
     difference: Array2<f32>,
+    /// `[T]`.
+    frame_weights: Array1<f32>,
     spoken: usize,
 }
 
@@ -120,7 +173,15 @@ impl Prepared {
         let count = (lesson.captured.displacements.len_of(Axis(0)) as f64 / lesson.captured.fps
             * fps) as usize;
         let captured = lesson.captured.at_rate(fps, count);
-        let (heard, seen) = (gaps(&lesson.model), gaps(&captured));
+        let frame_weights = match &lesson.frame_weights {
+            Some(counts) => at_rate(counts.view(), lesson.captured.fps / fps, count),
+            None => Array1::ones(count),
+        };
+        let frames = lesson.model.displacements.len_of(Axis(0));
+        let generated = lesson.generated.as_ref();
+        let model =
+            generated.map_or_else(|| lesson.model.clone(), |clip| clip.at_rate(fps, frames));
+        let (heard, seen) = (gaps(&model), gaps(&captured));
         if deviation(&seen) < STILL_M {
             return Err(refuse(format!(
                 "expected a face that speaks, got lips that part by {:.2} mm",
@@ -145,8 +206,12 @@ impl Prepared {
                 .to_owned(),
             fps,
         };
-        let (model, captured) = (part(&lesson.model, to), part(&captured, from));
+        let (model, captured) = (part(&model, to), part(&captured, from));
         let speaks = &lesson.speaks[to..to + frames];
+        let mut difference = spoken(&captured) - spoken(&model);
+        if generated.is_none() {
+            difference -= &at_rest(&difference, speaks, fps);
+        }
         Ok(Prepared {
             card: LearnedTake {
                 name: lesson.name.clone(),
@@ -158,7 +223,10 @@ impl Prepared {
                 .features
                 .slice(ndarray::s![to..to + frames, ..])
                 .to_owned(),
-            difference: difference(&model, &captured, speaks),
+            difference,
+            frame_weights: frame_weights
+                .slice(ndarray::s![from..from + frames])
+                .to_owned(),
             model,
             captured,
             spoken: speaks.iter().filter(|speaks| **speaks).count(),
@@ -176,20 +244,16 @@ fn check_length(takes: &[Prepared]) -> Result<()> {
     Ok(())
 }
 
-/// Person less model at the landmarks of speech, `[T, 3 L]`, less what it is in frames in which nobody speaks, or
-/// on average if these are too few: captures rest in other poses than meshes.
-fn difference(model: &LandmarkClip, captured: &LandmarkClip, speaks: &[bool]) -> Array2<f32> {
-    let own = spoken(captured) - spoken(model);
+/// The mean of rows `[T, 3 L]` over frames in which nobody speaks, or over all if these are too few: captures rest in
+/// other poses than meshes.
+fn at_rest(difference: &Array2<f32>, speaks: &[bool], fps: f64) -> Array1<f32> {
     let quiet: Vec<usize> = (0..speaks.len()).filter(|t| !speaks[*t]).collect();
-    let at_rest = if quiet.len() as f64 >= LEAST_QUIET_S * model.fps {
-        own.select(Axis(0), &quiet)
+    let mean = if quiet.len() as f64 >= LEAST_QUIET_S * fps {
+        difference.select(Axis(0), &quiet).mean_axis(Axis(0))
     } else {
-        own.clone()
+        difference.mean_axis(Axis(0))
     };
-    match at_rest.mean_axis(Axis(0)) {
-        Some(rest) => own - &rest,
-        None => own,
-    }
+    mean.unwrap_or_else(|| Array1::zeros(difference.ncols()))
 }
 
 /// Jaw and mouth of a clip, `[T, 3 L]`.
@@ -204,11 +268,14 @@ fn spoken(clip: &LandmarkClip) -> Array2<f32> {
 struct Rows {
     features: Array2<f32>,
     difference: Array2<f32>,
+    frame_weights: Array1<f32>,
     seconds: f64,
 }
 
 impl Rows {
     fn of(takes: &[Prepared]) -> Rows {
+        let counts: Vec<ArrayView1<'_, f32>> =
+            takes.iter().map(|take| take.frame_weights.view()).collect();
         let stack = |of: fn(&Prepared) -> ArrayView2<'_, f32>| {
             let parts: Vec<_> = takes.iter().map(of).collect();
             concatenate(Axis(0), &parts).expect("takes have the same features")
@@ -216,6 +283,7 @@ impl Rows {
         Rows {
             features: stack(|take| take.features.view()),
             difference: stack(|take| take.difference.view()),
+            frame_weights: concatenate(Axis(0), &counts).expect("rows of one number"),
             seconds: takes.iter().map(|take| take.card.seconds).sum(),
         }
     }
@@ -224,8 +292,30 @@ impl Rows {
         Rows {
             features: self.features.select(Axis(0), rows),
             difference: self.difference.select(Axis(0), rows),
+            frame_weights: self.frame_weights.select(Axis(0), rows),
             seconds: self.seconds * rows.len() as f64 / self.features.nrows() as f64,
         }
+    }
+
+    fn fit(&self, ridge: f64) -> ReadOut {
+        let ridge = ridge * self.seconds;
+        ReadOut::fit(&self.features, &self.difference, &self.frame_weights, ridge)
+    }
+
+    fn mean_difference(&self) -> Array1<f32> {
+        mean_row(&self.difference, &self.frame_weights)
+    }
+
+    /// The sum of the squares of `values` `[T, N]`, each row as often as its frame counts.
+    fn sum_of_squares(&self, values: &Array2<f32>) -> f64 {
+        let square = |(row, count): (ArrayView1<'_, f32>, &f32)| {
+            f64::from(*count) * row.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>()
+        };
+        values
+            .outer_iter()
+            .zip(&self.frame_weights)
+            .map(square)
+            .sum()
     }
 }
 
@@ -253,8 +343,7 @@ impl Folds {
             if fold.is_empty() {
                 continue;
             }
-            let rest = all.select(&others);
-            let fit = ReadOut::fit(&rest.features, &rest.difference, ridge * rest.seconds);
+            let fit = all.select(&others).fit(ridge);
             let predicted = fit.at(all.features.select(Axis(0), &fold).view());
             for (row, values) in fold.iter().zip(predicted.outer_iter()) {
                 out.row_mut(*row).assign(&values);
@@ -262,14 +351,6 @@ impl Folds {
         }
         out
     }
-}
-
-fn centred(rows: &Array2<f32>) -> Array2<f32> {
-    rows - &mean_row(rows)
-}
-
-fn sum_of_squares(values: ArrayView2<'_, f32>) -> f64 {
-    values.iter().map(|x| f64::from(*x).powi(2)).sum()
 }
 
 fn gaps(clip: &LandmarkClip) -> Vec<f64> {
@@ -418,13 +499,15 @@ mod tests {
             features,
             model: clip(model),
             captured: clip(captured),
+            generated: None,
+            frame_weights: None,
             speaks: vec![true; frames],
         }
     }
 
     #[test]
     fn a_person_is_learned_with_lag_and_rest_taken_off() {
-        let learned = learn("ear", vec![lesson(300, 3)]).unwrap();
+        let learned = learn("freetalk", "ear", vec![lesson(300, 3)]).unwrap();
         assert_eq!(learned.card().takes[0].lag_s, 3.0 / 25.0);
         let score = |name: &str| {
             learned
@@ -461,9 +544,74 @@ mod tests {
         );
     }
 
+    /// A generated take that an artist corrected: the corners come in where the second feature is high, in few
+    /// frames.
+    fn corrected(frames: usize) -> Lesson {
+        let mut corrected = lesson(frames, 0);
+        let mut generated = corrected.model.clone();
+        // What a generated take has beside the model's own speaker must not be learned.
+        generated.displacements.mapv_inplace(|x| 1.2 * x + 0.002);
+        corrected.captured = generated.clone();
+        for t in (0..frames).filter(|t| corrected.features[[*t, 1]] > 0.9) {
+            corrected.captured.displacements[[t, 54, 0]] -= 0.004;
+        }
+        corrected.generated = Some(generated);
+        corrected
+    }
+
+    #[test]
+    fn of_a_corrected_take_the_corrections_alone_are_learned() {
+        let learned = learn("freetalk", "ear", vec![corrected(400)]).unwrap();
+        let still = |c: usize| Array2::from_shape_fn((1, 3), |(_, i)| f32::from(i == c));
+        let moved = |features: &Array2<f32>| {
+            let mut face = Array3::zeros((1, 68, 3));
+            learned
+                .add_to(face.view_mut(), (features.view(), "ear"), 1.0)
+                .unwrap();
+            (face[[0, 54, 0]], face[[0, 66, 1]])
+        };
+        let (corner, lip) = moved(&still(1));
+        assert!(corner < -0.001 && lip.abs() < 1e-4, "{corner} {lip}");
+        assert!(moved(&still(0)).1.abs() < 1e-4);
+    }
+
+    #[test]
+    fn frames_count_as_often_as_they_say() {
+        let (plain, counted) = (lesson(300, 0), lesson(300, 0));
+        let alike = Lesson {
+            frame_weights: Some(Array1::ones(300)),
+            ..counted
+        };
+        let learned = learn("freetalk", "ear", vec![plain]).unwrap();
+        assert_eq!(learn("freetalk", "ear", vec![alike]).unwrap(), learned);
+
+        // A second part that contradicts the first hardly counts.
+        let doubtful = |count: f32| {
+            let mut take = lesson(600, 0);
+            for t in 300..600 {
+                take.captured.displacements[[t, 54, 0]] *= -1.0;
+            }
+            let counts = (0..600).map(|t| if t < 300 { 1.0 } else { count });
+            take.frame_weights = Some(counts.collect());
+            learn("freetalk", "ear", vec![take]).map(|learned| {
+                let mut face = Array3::zeros((1, 68, 3));
+                let features = ndarray::array![[0.0, 1.0, 0.0]];
+                learned
+                    .add_to(face.view_mut(), (features.view(), "ear"), 1.0)
+                    .unwrap();
+                face[[0, 54, 0]]
+            })
+        };
+        let (counted, ignored) = (doubtful(1.0).unwrap(), doubtful(0.001).unwrap());
+        assert!(
+            ignored > 0.003 && counted < 0.5 * ignored,
+            "{counted} {ignored}"
+        );
+    }
+
     #[test]
     fn a_file_gives_the_same_performer_and_damage_is_told() {
-        let learned = learn("ear", vec![lesson(300, 0)]).unwrap();
+        let learned = learn("freetalk", "ear", vec![lesson(300, 0)]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.performer");
         learned.write(&path).unwrap();
@@ -479,10 +627,15 @@ mod tests {
 
     #[test]
     fn takes_that_teach_nothing_are_refused_with_the_reason() {
+        let mixed = vec![lesson(300, 0), corrected(300)];
+        let error = learn("freetalk", "ear", mixed).unwrap_err().to_string();
+        assert!(error.contains("1 of 2"), "{error}");
         let refusal = |change: fn(&mut Lesson)| {
             let mut taken = lesson(300, 0);
             change(&mut taken);
-            learn("ear", vec![taken]).unwrap_err().to_string()
+            learn("freetalk", "ear", vec![taken])
+                .unwrap_err()
+                .to_string()
         };
         for (change, reason) in [
             (
@@ -501,8 +654,9 @@ mod tests {
                 "says what is heard",
             ),
             (|take| take.speaks.fill(false), "3 s of speech"),
+            (|take| take.captured = take.model.clone(), "got equal ones"),
             (
-                |take| take.captured = take.model.clone(),
+                |take| take.features.fill(0.0),
                 "follows better than the model",
             ),
         ] {

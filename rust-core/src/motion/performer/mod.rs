@@ -10,7 +10,10 @@ mod read_out;
 use std::{collections::HashMap, io::Write, path::Path};
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::{
+    Dtype, SafeTensors,
+    tensor::{TensorInfo, TensorView},
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -33,8 +36,13 @@ const VERSION: u32 = 1;
 pub struct PerformerCard {
     /// Version of the file's layout.
     pub version: u32,
+    /// Name of the system with whose own speaker it was compared, and which shows it.
+    pub system: String,
     /// Name of the speech encoder whose features it reads.
     pub encoder: String,
+    /// Whether it was learned from takes that somebody corrected. Then it is added to finished motion, before
+    /// lips touch. Another performer is added to what the system's own speaker does.
+    pub corrects: bool,
     /// The takes that it was learned from.
     pub takes: Vec<LearnedTake>,
     /// How strongly the fit keeps to the model's own speaker, per second of sound.
@@ -42,6 +50,10 @@ pub struct PerformerCard {
     /// Agreement with the person on parts that were left out of the fit, by aspect of the mouth: `gap`,
     /// `width`, `chin` and `protrusion`.
     pub scores: Vec<AspectScore>,
+    /// The same for the live stream. Empty for a performer that streams cannot show.
+    pub live_scores: Vec<AspectScore>,
+    /// Why no stream can show it; empty if one can.
+    pub live_refusal: String,
 }
 
 /// A take from which a performer was learned.
@@ -76,12 +88,74 @@ pub struct Performer {
     card: PerformerCard,
     /// From features `[C]` to the difference at the `L` landmarks of jaw and mouth, `[3 L]` in canonical metres.
     read_out: ReadOut,
+    /// The same from the features of the live stream.
+    live: Option<ReadOut>,
 }
 
 impl Performer {
     /// What it was learned from.
     pub fn card(&self) -> &PerformerCard {
         &self.card
+    }
+
+    /// With what `live` learned from the features of the live stream of the same system.
+    pub(crate) fn with_live(mut self, live: Performer) -> Performer {
+        self.card.live_scores = live.card.scores;
+        self.live = Some(live.read_out);
+        self.card.live_refusal.clear();
+        self
+    }
+
+    /// With the reason why no live stream can show it.
+    pub(crate) fn without_live(mut self, reason: String) -> Performer {
+        self.card.live_refusal = reason;
+        self
+    }
+
+    /// Checks that it can be shown by a live stream, whose network has `channels` features. Only one system has such
+    /// a stream.
+    ///
+    /// # Errors
+    /// `InvalidInput` if it was learned with another system or stream.
+    pub(crate) fn check_live(&self, channels: usize) -> Result<()> {
+        match &self.live {
+            Some(live) if live.mean.len() == channels => Ok(()),
+            _ => Err(Error::InvalidInput(format!(
+                "performer: expected one that the live stream can show, got one that it cannot ({}): learn it anew \
+                 with freetalk, from more takes",
+                self.card.live_refusal
+            ))),
+        }
+    }
+
+    /// Adds the person's own motion to a frame `[68, 3]` of the live stream, canonical metres, for its features
+    /// `[C]`, as many as [`Performer::check_live`] expected.
+    pub(crate) fn add_to_frame(
+        &self,
+        face: &mut ArrayViewMut2<'_, f32>,
+        features: &[f32],
+        strength: f32,
+    ) {
+        if let Some(live) = &self.live {
+            let features = ArrayView2::from_shape((1, features.len()), features);
+            let own = live.at(features.expect("one row"));
+            add_row(face, own.row(0), strength);
+        }
+    }
+
+    /// Checks that it was learned with this system.
+    ///
+    /// # Errors
+    /// `InvalidInput` if it was another one.
+    pub(crate) fn check_system(&self, name: &str) -> Result<()> {
+        if self.card.system == name {
+            return Ok(());
+        }
+        Err(Error::InvalidInput(format!(
+            "performer: expected one that was learned with {name}, got one of {}: learn it anew with that system, or \
+             speak with {}",
+            self.card.system, self.card.system
+        )))
     }
 
     /// Adds the person's own motion to that of the model's speaker.
@@ -146,14 +220,22 @@ impl Performer {
         }
         let arrays = Weights::from_bytes(bytes)?;
         arrays.check_range()?;
-        let mean = header.info("mean").ok_or_else(|| bad(&"it has no mean"))?;
-        let (channels, values) = (mean.shape.iter().product(), 3 * speaking().count());
-        let read_out = ReadOut {
-            mean: arrays.vector("mean", channels)?,
-            weights: arrays.matrix("weights", channels, values)?,
-            offset: arrays.vector("offset", values)?,
+        let read_out = |arrays: &Weights, mean: &TensorInfo| {
+            let (channels, values) = (mean.shape.iter().product(), 3 * speaking().count());
+            Ok::<_, Error>(ReadOut {
+                mean: arrays.vector("mean", channels)?,
+                weights: arrays.matrix("weights", channels, values)?,
+                offset: arrays.vector("offset", values)?,
+            })
         };
-        Ok(Performer { card, read_out })
+        let mean = header.info("mean").ok_or_else(|| bad(&"it has no mean"))?;
+        let live = header.info("live.mean");
+        let live = live.map(|mean| read_out(&arrays.pp("live"), mean));
+        Ok(Performer {
+            read_out: read_out(&arrays, mean)?,
+            live: live.transpose()?,
+            card,
+        })
     }
 
     /// Writes the performer as safetensors, with its card as JSON among the metadata.
@@ -169,20 +251,27 @@ impl Performer {
         let bad =
             |error: &dyn std::fmt::Display| Error::InvalidInput(format!("performer: {error}"));
         let card = serde_json::to_string(&self.card).map_err(|e| bad(&e))?;
-        let ReadOut {
-            mean,
-            weights,
-            offset,
-        } = &self.read_out;
-        let arrays = [
-            ("mean", mean.shape(), bytes_of(mean.iter())),
-            ("weights", weights.shape(), bytes_of(weights.iter())),
-            ("offset", offset.shape(), bytes_of(offset.iter())),
-        ];
+        let read_outs = [("", Some(&self.read_out)), ("live.", self.live.as_ref())];
+        let mut arrays = Vec::new();
+        for (prefix, read_out) in read_outs {
+            let Some(read_out) = read_out else { continue };
+            let ReadOut {
+                mean,
+                weights,
+                offset,
+            } = read_out;
+            for (name, shape, bytes) in [
+                ("mean", mean.shape(), bytes_of(mean.iter())),
+                ("weights", weights.shape(), bytes_of(weights.iter())),
+                ("offset", offset.shape(), bytes_of(offset.iter())),
+            ] {
+                arrays.push((format!("{prefix}{name}"), shape, bytes));
+            }
+        }
         let mut views = Vec::new();
         for (name, shape, bytes) in &arrays {
             let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes).map_err(|e| bad(&e))?;
-            views.push((*name, view));
+            views.push((name, view));
         }
         let texts = HashMap::from([(CARD.to_owned(), card)]);
         safetensors::serialize(views, Some(texts)).map_err(|e| bad(&e))

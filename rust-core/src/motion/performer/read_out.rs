@@ -15,11 +15,19 @@ pub(super) struct ReadOut {
 }
 
 impl ReadOut {
-    /// Fits `values` `[T, N]` to `features` `[T, C]`. `ridge`, above 0, is the weight of the squared weights.
-    pub fn fit(features: &Array2<f32>, values: &Array2<f32>, ridge: f64) -> ReadOut {
-        let (mean, offset) = (mean_row(features), mean_row(values));
+    /// Fits `values` `[T, N]` to `features` `[T, C]`. Each row counts as much as its number in `frame_weights` `[T]`
+    /// says, above 0. `ridge`, above 0, is the weight of the squared weights.
+    pub fn fit(
+        features: &Array2<f32>,
+        values: &Array2<f32>,
+        frame_weights: &Array1<f32>,
+        ridge: f64,
+    ) -> ReadOut {
+        let mean = mean_row(features, frame_weights);
+        let offset = mean_row(values, frame_weights);
         let (x, y) = (features - &mean, values - &offset);
-        let (gram, aim) = (x.t().dot(&x), x.t().dot(&y));
+        let weighted = &x * &frame_weights.view().insert_axis(Axis(1));
+        let (gram, aim) = (weighted.t().dot(&x), weighted.t().dot(&y));
         let shrunk =
             |i: usize, j: usize| f64::from(gram[[i, j]]) + if i == j { ridge } else { 0.0 };
         let size = (x.ncols(), y.ncols());
@@ -43,8 +51,12 @@ impl ReadOut {
     }
 }
 
-/// The mean of rows `[T, N]`; zeros for none.
-pub(super) fn mean_row(rows: &Array2<f32>) -> Array1<f32> {
-    let mean = rows.mean_axis(Axis(0));
-    mean.unwrap_or_else(|| Array1::zeros(rows.ncols()))
+/// The mean of rows `[T, N]`, each as often as `frame_weights` `[T]` says; zeros for none.
+pub(super) fn mean_row(rows: &Array2<f32>, frame_weights: &Array1<f32>) -> Array1<f32> {
+    let total = frame_weights.sum();
+    if total > 0.0 {
+        (rows * &frame_weights.view().insert_axis(Axis(1))).sum_axis(Axis(0)) / total
+    } else {
+        Array1::zeros(rows.ncols())
+    }
 }

@@ -9,9 +9,9 @@ mod variety;
 
 use std::borrow::Cow;
 
-use ndarray::{Array2, Array3, Axis};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
-use super::{FaceModes, LandmarkClip, WeightClip};
+use super::{FaceModes, LandmarkClip, WeightClip, shape_fit::ShapeFit};
 use crate::{Result, rig::ARKIT};
 
 pub use apply_controls::WeightCues;
@@ -52,6 +52,33 @@ impl WeightClip {
             fps: self.fps,
             together: self.together.clone(),
         })
+    }
+
+    /// Adds motion `[T, 68, 3]` of the mean face's landmarks, canonical metres, as far as weights from 0 to 1 can
+    /// show it.
+    ///
+    /// # Errors
+    /// `Weights` for a name that is none of ARKit's.
+    pub(crate) fn add_landmarks(
+        &mut self,
+        added: ArrayView3<'_, f32>,
+        modes: &FaceModes,
+    ) -> Result<()> {
+        let shapes = modes.of_shapes(&self.names)?;
+        let plain = self.landmarks(modes)?.displacements;
+        let moved = &plain + &added;
+        // Landmarks leave weights open. Fits with and without the motion differ by what the motion needs.
+        let fit = || ShapeFit::new(&shapes, vec![None; self.names.len()]);
+        let (mut before, mut after) = (fit(), fit());
+        for (t, mut weights) in self.weights.outer_iter_mut().enumerate() {
+            let (plain, moved) = (plain.index_axis(Axis(0), t), moved.index_axis(Axis(0), t));
+            let frame = |face: ArrayView2<'_, f32>| face.iter().copied().collect::<Vec<f32>>();
+            let (before, after) = (before.next(&frame(plain)), after.next(&frame(moved)));
+            for (weight, (from, to)) in weights.iter_mut().zip(before.iter().zip(after)) {
+                *weight = (*weight + (to - from) as f32).clamp(0.0, weight.max(1.0));
+            }
+        }
+        Ok(())
     }
 
     /// The motion of the mean face's landmarks under these weights.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::{Array2, s};
+use ndarray::{Array2, Array3, s};
 
 use super::{
     CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, window_cache::WindowCache,
@@ -12,10 +12,11 @@ use crate::{
     conditions::{Control, ControlValues, EDGE_S, EmotionCurve, EventTrack, NOISE, STEPS},
     deform::LEARNED,
     job::{Progress, ProgressFn},
+    mesh::ibug::LANDMARKS,
     models::{BuiltIn, Weights},
     motion::{
-        Expressions, FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, MouthLengths,
-        PerformanceControls, WeightClip, WeightCues, control_named, style_number,
+        Expressions, FaceModes, LandmarkClip, LipGaps, LowerLip, Motion, MotionKind, MotionRequest,
+        MouthLengths, PerformanceControls, WeightClip, WeightCues, control_named, style_number,
     },
     speech::SpeechFeatures,
     systems::{Ability, Description, Registration, Sampled, Slider, System},
@@ -92,7 +93,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL],
     controls: &[PERFORMANCE, OWN_CONTROLS],
     motion: MotionKind::Weights,
-    abilities: &[Ability::Events, Ability::Words],
+    abilities: &[Ability::Events, Ability::Words, Ability::Performer],
     emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 233_000,
@@ -182,25 +183,14 @@ impl CafeTalk {
         calibrate(&mut weights, &plain, &(strength * &events.mask));
         Ok(weights)
     }
-}
 
-impl System for CafeTalk {
-    fn description(&self) -> Description<'_> {
-        let config = self.config();
-        Description {
-            speech: Some(&config.speech),
-            styles: &config.styles,
-            windows: Some(config.windows()),
-            ..Description::default()
-        }
-    }
-
-    fn sample(
+    /// Speech, emotion and events at the denoiser's own frame rate.
+    fn spoken(
         &self,
         heard: &SpeechFeatures,
         request: &MotionRequest,
         progress: ProgressFn<'_>,
-    ) -> Result<Sampled> {
+    ) -> Result<WeightClip> {
         let config = self.config();
         let fps = config.fps;
         let speech = heard.features(fps);
@@ -233,14 +223,65 @@ impl System for CafeTalk {
         )?;
         // Units that no network has learned set the least weights of their shapes.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
-        let clip = WeightClip {
+        Ok(WeightClip {
             names: shapes.clone(),
             weights,
             fps,
             together: Vec::new(),
+        })
+    }
+
+    /// Adds the performer, or one that `corrects`, as far as shapes can show it.
+    fn add_performer(
+        &self,
+        clip: &mut WeightClip,
+        heard: &SpeechFeatures,
+        request: &MotionRequest,
+        corrects: bool,
+    ) -> Result<()> {
+        let mut own = LandmarkClip {
+            displacements: Array3::zeros((clip.weights.nrows(), LANDMARKS, 3)),
+            fps: clip.fps,
         };
+        if request.add_performer(&mut own, (heard, self.config().fps), corrects)? {
+            clip.add_landmarks(own.displacements.view(), &self.modes)?;
+        }
+        Ok(())
+    }
+}
+
+impl System for CafeTalk {
+    fn description(&self) -> Description<'_> {
+        let config = self.config();
+        Description {
+            speech: Some(&config.speech),
+            styles: &config.styles,
+            windows: Some(config.windows()),
+            ..Description::default()
+        }
+    }
+
+    fn sample(
+        &self,
+        heard: &SpeechFeatures,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Sampled> {
+        let mut clip = self.spoken(heard, request, progress)?;
+        self.add_performer(&mut clip, heard, request, false)?;
         let frames = heard.frames(request.fps);
         Ok(Motion::Weights(clip.at_rate(request.fps, frames)).into())
+    }
+
+    fn own_speaker(
+        &self,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let mut request = MotionRequest::default();
+        request.controls.set(NOISE.name, 0.0);
+        let clip = self.spoken(heard, &request, progress)?;
+        clip.of_arkit().landmarks(&self.modes)
     }
 
     fn apply_controls(
@@ -271,6 +312,7 @@ impl System for CafeTalk {
         let mut shaped = clip.clone();
         self.mouth
             .take_shapes(&mut shaped, &contacts.shapes, over_speech);
+        self.add_performer(&mut shaped, heard, request, true)?;
         let mut performed = shaped.apply_controls(&self.modes, &cues, &controls)?;
         self.lower_lip
             .reach_teeth(&mut performed, &contacts.at_teeth, over_speech);

@@ -183,7 +183,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL, &CAUSAL_MODEL, &CLOSURES_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
-    abilities: &[Ability::Emotion, Ability::FirstPose],
+    abilities: &[Ability::Emotion, Ability::FirstPose, Ability::Performer],
     emotion: Some(EmotionControls {
         source: &EMOTION_FROM,
         voice: VOICE as f32,
@@ -207,6 +207,20 @@ pub struct EmoFace {
     live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
+}
+
+/// What the model makes of a sound, `T` frames at its own rate.
+struct Spoken {
+    /// `[T, C]` and `[T, E]`, what the branches hear.
+    content: Array2<f32>,
+    emotion: Array2<f32>,
+    /// `[T]`, how strong the emotion is.
+    levels: Vec<f32>,
+    clip: LandmarkClip,
+    /// `[T, X]`.
+    codes: Array2<f32>,
+    /// `[T]`, the width of the mouth by speech alone, metres.
+    said: Array1<f32>,
 }
 
 impl EmoFace {
@@ -313,25 +327,15 @@ impl EmoFace {
         }
         Ok((rows, levels))
     }
-}
 
-impl System for EmoFace {
-    fn description(&self) -> Description<'_> {
-        let config = self.config();
-        Description {
-            speech: Some(&config.speech),
-            keeps_sound: matches!(self.source, EmotionSource::Checkpoint(_)),
-            styles: &config.styles,
-            ..Description::default()
-        }
-    }
-
-    fn sample(
+    /// Speech and emotion at the model's own frame rate, without contacts.
+    fn spoken(
         &self,
         heard: &SpeechFeatures,
         request: &MotionRequest,
+        layer: Layer,
         progress: ProgressFn<'_>,
-    ) -> Result<Sampled> {
+    ) -> Result<Spoken> {
         let fps = self.config().fps;
         let content = heard.features(fps);
         let frames = content.nrows();
@@ -339,7 +343,6 @@ impl System for EmoFace {
         let config = self.config();
         let name = request.style.as_deref();
         let style = style_number(name, &config.styles, &config.default_style)?;
-        let layer = Layer::of(&request.controls);
         let first = request.starts_from.as_ref();
         let first = first.map(|pose| self.model().pose_of(&pose.landmarks));
         let mut state = self.model().start(first.as_ref().map(|pose| pose.view()))?;
@@ -363,12 +366,53 @@ impl System for EmoFace {
             codes.row_mut(t).assign(&ArrayView1::from(&next.code));
         }
         report(progress, "sample", 1.0)?;
+        let clip = LandmarkClip { displacements, fps };
+        Ok(Spoken {
+            content,
+            emotion,
+            levels,
+            clip,
+            codes,
+            said,
+        })
+    }
+}
+
+impl System for EmoFace {
+    fn description(&self) -> Description<'_> {
+        let config = self.config();
+        Description {
+            speech: Some(&config.speech),
+            keeps_sound: matches!(self.source, EmotionSource::Checkpoint(_)),
+            styles: &config.styles,
+            ..Description::default()
+        }
+    }
+
+    fn sample(
+        &self,
+        heard: &SpeechFeatures,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Sampled> {
+        let (fps, layer) = (self.config().fps, Layer::of(&request.controls));
+        let Spoken {
+            content,
+            emotion,
+            levels,
+            clip,
+            codes,
+            said,
+        } = self.spoken(heard, request, layer, progress)?;
         let out_frames = heard.frames(request.fps);
-        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, out_frames);
+        let mut clip = clip.at_rate(request.fps, out_frames);
         let said = motion::at_rate(said.view(), fps / request.fps, out_frames);
+        request.add_performer(&mut clip, (heard, fps), false)?;
         clip.widen(&said.to_vec(), &self.modes)?;
         let contacts = heard.contacts(request.closures.as_deref());
-        clip.make_contacts(&contacts, &self.modes)?;
+        clip.take_shapes(&contacts, &self.modes)?;
+        request.add_performer(&mut clip, (heard, fps), true)?;
+        clip.touch(&contacts, &self.modes)?;
         let strength = |t: usize| {
             let frame = (t as f64 * fps / request.fps).round() as usize;
             levels[frame.min(levels.len() - 1)]
@@ -410,6 +454,18 @@ impl System for EmoFace {
             prosody: &heard.prosody,
         };
         controller.apply(sampled, request, emotion, blink_emotion)
+    }
+
+    fn own_speaker(
+        &self,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let request = MotionRequest {
+            emotion: EmotionCurve::Off,
+            ..MotionRequest::default()
+        };
+        Ok(self.spoken(heard, &request, Layer::Content, progress)?.clip)
     }
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {

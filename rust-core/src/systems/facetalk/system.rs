@@ -91,7 +91,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
-    abilities: &[Ability::Head],
+    abilities: &[Ability::Head, Ability::Performer],
     emotion: None,
     sliders: &Slider::ALL,
     second_bytes: 615_000,
@@ -218,15 +218,26 @@ impl FaceTalk {
         Ok(out)
     }
 
-    fn codes(
+    /// Codes `[T, X]` and landmarks `[T, 68, 3]` at the denoiser's own frame rate, from `noise` `[T, X]`.
+    fn spoken(
         &self,
-        speech: ArrayView2<'_, f32>,
-        request: &MotionRequest,
+        heard: &SpeechFeatures,
+        noise: Array2<f32>,
+        controls: &Controls,
         progress: ProgressFn<'_>,
-    ) -> Result<Array2<f32>> {
-        let noise = frame_noise(request.seed, 0, speech.nrows(), self.config().codes);
-        let sampling = self.sampling(&request.controls);
-        self.denoiser.sample(noise, speech, &sampling, progress)
+    ) -> Result<(Array2<f32>, Array3<f32>)> {
+        let (speech, sampling) = (heard.features(self.config().fps), self.sampling(controls));
+        let mut codes = self
+            .denoiser
+            .sample(noise, speech.view(), &sampling, progress)?;
+        let mut displacements = self.landmarks(codes.view(), progress)?;
+        let rest = self.space.head.rest_code();
+        let moved = bound_opening(&mut codes, &rest, displacements.view());
+        let again = self.landmarks(codes.select(Axis(0), &moved).view(), progress)?;
+        for (t, frame) in moved.into_iter().zip(again.outer_iter()) {
+            displacements.index_axis_mut(Axis(0), t).assign(&frame);
+        }
+        Ok((codes, displacements))
     }
 
     fn motion(&self, codes: Array2<f32>, landmarks: LandmarkClip) -> Motion {
@@ -260,21 +271,34 @@ impl System for FaceTalk {
             )));
         }
         let fps = self.config().fps;
-        let mut codes = self.codes(heard.features(fps).view(), request, progress)?;
-        let mut displacements = self.landmarks(codes.view(), progress)?;
-        let rest = self.space.head.rest_code();
-        let moved = bound_opening(&mut codes, &rest, displacements.view());
-        let again = self.landmarks(codes.select(Axis(0), &moved).view(), progress)?;
-        for (t, frame) in moved.into_iter().zip(again.outer_iter()) {
-            displacements.index_axis_mut(Axis(0), t).assign(&frame);
-        }
+        let noise = frame_noise(
+            request.seed,
+            0,
+            heard.features(fps).nrows(),
+            self.config().codes,
+        );
+        let (codes, displacements) = self.spoken(heard, noise, &request.controls, progress)?;
         let frames = heard.frames(request.fps);
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         let contacts = heard.contacts(request.closures.as_deref());
+        request.add_performer(&mut landmarks, (heard, fps), false)?;
         landmarks.widen(&landmarks.widths(), &self.modes)?;
-        landmarks.make_contacts(&contacts, &self.modes)?;
+        landmarks.take_shapes(&contacts, &self.modes)?;
+        request.add_performer(&mut landmarks, (heard, fps), true)?;
+        landmarks.touch(&contacts, &self.modes)?;
         Ok(self.motion(codes, landmarks).into())
+    }
+
+    fn own_speaker(
+        &self,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<LandmarkClip> {
+        let fps = self.config().fps;
+        let noise = Array2::zeros((heard.features(fps).nrows(), self.config().codes));
+        let (_, displacements) = self.spoken(heard, noise, &Controls::default(), progress)?;
+        Ok(LandmarkClip { displacements, fps })
     }
 
     fn follow(

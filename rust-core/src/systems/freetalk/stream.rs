@@ -19,8 +19,8 @@ use crate::{
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
     motion::{
-        CausalExpression, LandmarkFrame, LiveClosures, MotionStream, WidthGain, mouth_width,
-        too_short,
+        CausalExpression, LandmarkFrame, LiveClosures, MotionStream, Performer, WidthGain,
+        mouth_width, too_short,
     },
     speech::{CausalModel, CausalSpeech, VoiceGate, seconds_of},
 };
@@ -36,6 +36,8 @@ pub struct CausalStream {
     expression: CausalExpression,
     width: WidthGain,
     emotion: Emotion,
+    /// With how strongly it is shown.
+    performer: Option<(Arc<Performer>, f32)>,
 }
 
 impl CausalStream {
@@ -57,8 +59,30 @@ impl CausalStream {
             expression,
             width,
             emotion: Emotion::default(),
+            performer: None,
         }
     }
+
+    /// Adds the performer, or one that `corrects`, to the frame that was pulled last.
+    fn add_performer(&self, face: &mut ArrayViewMut2<'_, f32>, corrects: bool) {
+        if let Some((performer, strength)) = &self.performer
+            && performer.card().corrects == corrects
+        {
+            performer.add_to_frame(face, self.speech.hidden(), *strength);
+        }
+    }
+}
+
+/// Refuses a performer with a further head, whose features are others.
+fn check_head(has_performer: bool, has_main_head: bool) -> Result<()> {
+    if has_performer && !has_main_head {
+        return Err(Error::InvalidInput(
+            "performer: expected the whole look-ahead of the stream, with which performers are learned, got a \
+             shorter one"
+                .into(),
+        ));
+    }
+    Ok(())
 }
 
 /// How many samples after a frame's instant the slower of two networks needs.
@@ -87,8 +111,10 @@ impl MotionStream for CausalStream {
             displacements,
         };
         let mut face = ArrayViewMut2::from(&mut frame.displacements);
+        self.add_performer(&mut face, false);
         let said = mouth_width(face.view());
         self.width.widen(&mut face, said);
+        self.add_performer(&mut face, true);
         self.closures.close(&mut frame, 1.0);
         let spoken = self.gate.share(index);
         let said = frame.displacements.as_flattened_mut();
@@ -111,6 +137,15 @@ impl MotionStream for CausalStream {
         Ok(())
     }
 
+    fn set_performer(&mut self, performer: Option<Arc<Performer>>, strength: f32) -> Result<()> {
+        if let Some(performer) = &performer {
+            performer.check_live(self.speech.hidden().len())?;
+        }
+        check_head(performer.is_some(), self.speech.has_main_head())?;
+        self.performer = performer.map(|performer| (performer, strength));
+        Ok(())
+    }
+
     fn look_ahead(&mut self, seconds: f64) -> Result<()> {
         let models = [&self.speech, self.closures.speech()].map(CausalSpeech::model);
         let heads = models
@@ -125,6 +160,7 @@ impl MotionStream for CausalStream {
                     .into(),
             ));
         }
+        check_head(self.performer.is_some(), head.is_none())?;
         let [model, closures] = models;
         self.speech = CausalSpeech::by(model, head);
         self.closures = LiveClosures::new(closures, closing);

@@ -6,6 +6,8 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
+use ndarray::{Array2, Array3};
+
 use super::{
     AtsRequest,
     ats::{Ats, AtsConfig},
@@ -19,13 +21,14 @@ use crate::{
     deform::{Decoder, LEARNED},
     face::{Deformer, Face},
     job::ProgressFn,
+    mesh::ibug::LANDMARKS,
     models::{BuiltIn, Opened},
     motion::{
         CLOSURES_MODEL, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip,
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
         PERFORMANCE_CONTROLS, WidthGain,
     },
-    speech::{CausalModel, SpeechFeatures},
+    speech::{CausalModel, CausalSpeech, SpeechFeatures},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
@@ -119,7 +122,7 @@ impl FreeTalk {
         };
         let affect = emotion.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
-        let mut displacements = self.ats.get()?.sample(
+        let displacements = self.ats.get()?.sample(
             &AtsRequest {
                 speech: features.view(),
                 affect: affect.view(),
@@ -132,11 +135,9 @@ impl FreeTalk {
             },
             progress,
         )?;
-        if let Some(performer) = &request.performer {
-            let heard = (features.view(), heard.encoder_name());
-            performer.add_to(displacements.view_mut(), heard, request.performer_strength)?;
-        }
-        Ok(LandmarkClip { displacements, fps })
+        let mut clip = LandmarkClip { displacements, fps };
+        request.add_performer(&mut clip, (heard, fps), false)?;
+        Ok(clip)
     }
 
     fn paper(&self) -> Result<Arc<PaperDecoder>> {
@@ -171,12 +172,17 @@ impl System for FreeTalk {
         let frames = heard.frames(request.fps);
         let mut clip = clip.at_rate(request.fps, frames);
         let closes = self.config.closes_lips(request.style.as_deref());
-        if closes || request.closures.is_some() {
-            let contacts = heard.contacts(request.closures.as_deref());
+        let touches = closes || request.closures.is_some();
+        let contacts = touches.then(|| heard.contacts(request.closures.as_deref()));
+        if let Some(contacts) = &contacts {
             if closes && self.config.emotion == EmotionOrigin::Added {
                 clip.widen(&clip.widths(), &self.modes)?;
             }
-            clip.make_contacts(&contacts, &self.modes)?;
+            clip.take_shapes(contacts, &self.modes)?;
+        }
+        request.add_performer(&mut clip, (heard, self.config.fps), true)?;
+        if let Some(contacts) = &contacts {
+            clip.touch(contacts, &self.modes)?;
         }
         Ok(Motion::Landmarks(clip).into())
     }
@@ -189,6 +195,26 @@ impl System for FreeTalk {
         let mut request = MotionRequest::default();
         request.controls.set(NOISE.name, 0.0);
         self.spoken(heard, &request, progress)
+    }
+
+    fn live_speaker(&self, samples: &[f32]) -> Result<Option<(Array2<f32>, LandmarkClip)>> {
+        let mut speech = CausalSpeech::new(Arc::clone(&self.stream));
+        speech.push(samples)?;
+        speech.finish()?;
+        let (mut features, mut rows) = (Vec::new(), Vec::new());
+        while let Some(row) = speech.pull(|_| {}) {
+            rows.extend_from_slice(row);
+            features.extend_from_slice(speech.hidden());
+        }
+        let frames = rows.len() / DIMS;
+        let clip = LandmarkClip {
+            displacements: Array3::from_shape_vec((frames, LANDMARKS, 3), rows)
+                .expect("whole rows"),
+            fps: self.stream.config().fps,
+        };
+        let size = (frames, speech.hidden().len());
+        let features = Array2::from_shape_vec(size, features).expect("as many features each");
+        Ok(Some((features, clip)))
     }
 
     fn apply_controls(
