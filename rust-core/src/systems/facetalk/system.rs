@@ -282,8 +282,10 @@ impl System for FaceTalk {
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         let contacts = heard.contacts(request.closures.as_deref());
+        // The gain of the width is that of the model's own speaker.
+        let said = landmarks.widths();
         request.add_performer(&mut landmarks, (heard, fps), false)?;
-        landmarks.widen(&landmarks.widths(), &self.modes)?;
+        landmarks.widen(&said, &self.modes)?;
         landmarks.take_shapes(&contacts, &self.modes)?;
         request.add_performer(&mut landmarks, (heard, fps), true)?;
         landmarks.touch(&contacts, &self.modes)?;

@@ -107,7 +107,7 @@ impl FreeTalk {
         })
     }
 
-    /// Speech at the denoiser's own frame rate, with the performer but without contacts.
+    /// Speech at the denoiser's own frame rate, without a performer and contacts.
     fn spoken(
         &self,
         heard: &SpeechFeatures,
@@ -135,9 +135,7 @@ impl FreeTalk {
             },
             progress,
         )?;
-        let mut clip = LandmarkClip { displacements, fps };
-        request.add_performer(&mut clip, (heard, fps), false)?;
-        Ok(clip)
+        Ok(LandmarkClip { displacements, fps })
     }
 
     fn paper(&self) -> Result<Arc<PaperDecoder>> {
@@ -171,12 +169,15 @@ impl System for FreeTalk {
         let clip = self.spoken(heard, request, progress)?;
         let frames = heard.frames(request.fps);
         let mut clip = clip.at_rate(request.fps, frames);
+        // The gain of the width is that of the model's own speaker.
+        let said = clip.widths();
+        request.add_performer(&mut clip, (heard, self.config.fps), false)?;
         let closes = self.config.closes_lips(request.style.as_deref());
         let touches = closes || request.closures.is_some();
         let contacts = touches.then(|| heard.contacts(request.closures.as_deref()));
         if let Some(contacts) = &contacts {
             if closes && self.config.emotion == EmotionOrigin::Added {
-                clip.widen(&clip.widths(), &self.modes)?;
+                clip.widen(&said, &self.modes)?;
             }
             clip.take_shapes(contacts, &self.modes)?;
         }
