@@ -24,6 +24,7 @@ use matrix::{IDENTITY, Matrix, apply, matrix, product};
 pub(super) use pack::{is_gltf_text, pack};
 use skin::{Blend, Skins};
 pub use targets::{GlbTarget, glb_targets};
+pub(crate) use targets::{glb_scalars, target_name};
 
 use super::Mesh;
 use crate::{Result, job::check_json};

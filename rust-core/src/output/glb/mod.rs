@@ -11,6 +11,7 @@ mod bytes;
 mod document;
 mod layout;
 mod onto;
+mod weight_tracks;
 
 use std::{io::Write, path::Path};
 

@@ -498,22 +498,102 @@ fn a_head_with_bones_is_not_turned_as_a_whole() {
     assert_eq!(json_of(&path)["scenes"][0]["nodes"], json!([0]));
 }
 
+/// A node far away shows the same mesh, and only the first one speaks.
 #[test]
-fn a_mesh_that_two_nodes_show_is_refused() {
+fn a_mesh_that_two_nodes_show_speaks_where_it_moves() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("talk.glb");
     let source = source(|document| {
-        let second = json!({"mesh": 0, "translation": [9.0, 0.0, 0.0]});
+        let second = json!({"mesh": 0, "translation": [9.0, 0.0, 0.0], "weights": [0.5]});
         document["nodes"].as_array_mut().unwrap().push(second);
         document["scenes"][0]["nodes"] = json!([0, 2]);
     });
     let mesh = Mesh::parse(&source).unwrap();
-    let error = write(&path, &mesh, &source, None).unwrap_err();
-    assert!(
-        matches!(&error, Error::InvalidInput(m) if m.contains("at several")),
-        "{error}"
+    write(&path, &mesh, &source, None).unwrap();
+    let json = json_of(&path);
+    assert_eq!(
+        (&json["nodes"][1]["mesh"], &json["nodes"][2]["mesh"]),
+        (&json!(1), &json!(0))
     );
-    assert!(!path.exists());
+    let count = |mesh: usize| {
+        json["meshes"][mesh]["primitives"][0]["targets"]
+            .as_array()
+            .map_or(0, Vec::len)
+    };
+    assert!(count(1) > count(0), "{} {}", count(1), count(0));
+    assert_eq!(json["nodes"][2]["weights"], json!([0.5]));
+    assert_eq!(
+        json["animations"][0]["channels"].as_array().unwrap().len(),
+        1
+    );
+}
+
+/// Two channels share a sampler, but only one of their meshes gets more targets.
+#[test]
+fn animations_of_a_grown_mesh_get_a_weight_for_each_new_target() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        let numbers: Vec<u8> = [0.0f32, 1.0, 0.25, 0.75]
+            .iter()
+            .flat_map(|x| x.to_le_bytes())
+            .collect();
+        let uri = format!(
+            "data:application/octet-stream;base64,{}",
+            STANDARD.encode(&numbers)
+        );
+        *added(document, "buffers") = json!({"byteLength": 16, "uri": uri});
+        *added(document, "bufferViews") = json!({"buffer": 1, "byteLength": 16});
+        let floats = |at: usize| json!({"bufferView": 2, "byteOffset": at, "componentType": 5126, "count": 2, "type": "SCALAR"});
+        *added(document, "accessors") = floats(0);
+        *added(document, "accessors") = floats(8);
+        let still = document["meshes"][0].clone();
+        *added(document, "meshes") = still;
+        *added(document, "nodes") = json!({"mesh": 1, "translation": [9.0, 0.0, 0.0]});
+        document["scenes"][0]["nodes"] = json!([0, 2]);
+        let channel = |target: Value| json!({"sampler": 0, "target": target});
+        let pointer = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": "/meshes/0/weights"}}});
+        document["animations"] = json!([{
+            "channels": [
+                channel(json!({"node": 2, "path": "weights"})), channel(json!({"node": 1, "path": "weights"})),
+                channel(pointer),
+            ],
+            "samplers": [{"input": 4, "output": 5, "interpolation": "STEP"}],
+        }]);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    write(&path, &mesh, &source, None).unwrap();
+    let json = json_of(&path);
+    let old = &json["animations"][0];
+    let samplers: Vec<_> = old["channels"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| c["sampler"].as_u64())
+        .collect();
+    assert_eq!(samplers, [Some(0), Some(1), Some(1)]);
+    assert_eq!(
+        old["samplers"][0],
+        json!({"input": 4, "output": 5, "interpolation": "STEP"})
+    );
+    assert_eq!(
+        (
+            &old["samplers"][1]["input"],
+            &old["samplers"][1]["interpolation"]
+        ),
+        (&json!(4), &json!("STEP"))
+    );
+    let bytes = std::fs::read(&path).unwrap();
+    let output = old["samplers"][1]["output"].as_u64().unwrap() as usize;
+    let weights = &crate::mesh::glb_scalars(&bytes, [output]).unwrap()[&output];
+    let targets = json["meshes"][0]["primitives"][0]["targets"]
+        .as_array()
+        .unwrap()
+        .len();
+    let mut expected = vec![0.0; 2 * targets];
+    (expected[0], expected[targets]) = (0.25, 0.75);
+    assert!(targets > 1);
+    assert_eq!(*weights, expected);
 }
 
 #[test]

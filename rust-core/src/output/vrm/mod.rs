@@ -15,6 +15,7 @@ mod skeleton;
 pub use animation::VrmNames;
 pub(super) use animation::{VrmWeights, write_vrm_animation};
 pub use avatar::write_avatar;
+pub(super) use expressions::{Existing, add_expressions};
 
 #[cfg(test)]
 mod tests;
