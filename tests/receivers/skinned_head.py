@@ -1,8 +1,12 @@
-"""The default head as an avatar: objects on a skeleton of .01, a material, a picture, animations, two targets."""
+"""The default head as an avatar.
+
+Its objects are on a skeleton of .01. It has a material, a picture, animations and two targets.
+"""
 
 import base64
 import json
 import struct
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +37,7 @@ def objects() -> dict[str, tuple[np.ndarray, np.ndarray]]:
             read[name][0].append([float(x) for x in rest])
         elif word == "f":
             a, *others = [int(corner.split("/")[0]) - 1 - first for corner in rest]
-            read[name][1].extend([a, b, c] for b, c in zip(others, others[1:], strict=False))
+            read[name][1].extend([a, b, c] for b, c in pairwise(others))
     return {name: (np.array(v, "<f4"), np.array(f, "<u4")) for name, (v, f) in read.items()}
 
 
@@ -111,6 +115,7 @@ def write(path: Path) -> None:
 
     picture = {"bufferView": glb.view(_PICTURE), "mimeType": "image/png"}
     base = {"baseColorFactor": [0.9, 0.7, 0.6, 1], "metallicFactor": 0}
+    glow = {"emissiveTexture": {"index": 0}}
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -118,7 +123,7 @@ def write(path: Path) -> None:
         "nodes": nodes,
         "meshes": meshes,
         "skins": [skin],
-        "materials": [{"name": "Skin", "pbrMetallicRoughness": base, "emissiveTexture": {"index": 0}}],
+        "materials": [{"name": "Skin", "pbrMetallicRoughness": base, **glow}],
         "textures": [{"source": 0}],
         "images": [picture],
         "animations": [

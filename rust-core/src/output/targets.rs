@@ -32,7 +32,7 @@ const LEAST_M: f32 = 2e-6;
 /// Outer corners of the eyes.
 const EYES: (usize, usize) = (36, 45);
 /// The tip of the nose, which only the skin of a face has.
-const NOSE: usize = 30;
+pub(super) const NOSE: usize = 30;
 
 /// One shape.
 pub(super) struct Target {
@@ -178,7 +178,8 @@ impl Targets {
         }
     }
 
-    fn at_rest(shapes: Vec<Target>) -> Targets {
+    /// Shapes without weights over time.
+    pub(super) fn at_rest(shapes: Vec<Target>) -> Targets {
         Targets {
             weights: Arc::new(Array2::zeros((0, shapes.len()))),
             shapes,
@@ -280,7 +281,8 @@ pub(super) fn least_displacement(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     LEAST_M * units_per_metre(landmarks)
 }
 
-fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+/// Units of the mesh in a metre, by the distance between the eyes.
+pub(super) fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     eye_span(landmarks) / eye_span(canonical_landmarks())
 }
 
