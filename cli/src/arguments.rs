@@ -15,7 +15,7 @@ use anyface::{
     face::{DEFAULT_PROXY, FaceOptions, check_landmarks},
     job::{InputKind, ProgressFn, Receipts, read_text},
     mesh::{
-        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, NamedMesh,
         PartChoices, PartRole, PartSelector,
     },
     speech::Script,
@@ -139,6 +139,9 @@ pub struct FaceArgs {
     /// is none, they are detected]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
+    /// The object with the face, where a file has several heads. Its landmarks are searched for on this object alone
+    #[arg(long, value_name = "NAME", conflicts_with = "landmarks")]
+    head: Option<String>,
     /// Fixed landmarks as JSON. They stay where they are, and the detected ones are fitted to them
     #[arg(long, value_name = "F.json")]
     fix: Option<InputPath>,
@@ -224,18 +227,19 @@ impl Display for ProxySize {
 }
 
 impl FaceArgs {
-    /// `file`: the file of the mesh. `known`: landmarks that the caller has from elsewhere, used
+    /// `mesh`: read from `file`. `known`: landmarks that the caller has from elsewhere, used
     /// unless --landmarks gives others. A landmarks file beside the mesh that does not fit it is
     /// passed over, and a warning says so.
     pub fn options(
         &self,
-        (file, mesh): (&Path, &Mesh),
+        (file, mesh): (&Path, &NamedMesh),
         known: Option<LandmarkSource>,
         warnings: &mut Vec<String>,
     ) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
-            None if known.is_none() => fitting_landmarks_beside(file, mesh, warnings),
+            None if self.head.is_some() => None,
+            None if known.is_none() => fitting_landmarks_beside(file, &mesh.mesh, warnings),
             None => known,
         };
         let mut fixed = match &self.fix {
@@ -251,17 +255,13 @@ impl FaceArgs {
         }
         Ok(FaceOptions {
             landmarks,
+            head: self.head.clone(),
             fixed,
             forward: self.forward,
             up: self.up,
             controls: self.controls.controls()?,
             parts: PartChoices {
-                // A pipe can be read only once.
-                names: if file.is_file() {
-                    ObjectNames::read(file)?
-                } else {
-                    ObjectNames::default()
-                },
+                names: mesh.names.clone(),
                 roles: self.parts.clone(),
             },
             proxy: self.proxy.0,

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyface::{Result, job::write_atomically, mesh::Mesh};
+use anyface::{Result, job::write_atomically, mesh::NamedMesh};
 use clap::Args;
 
 use crate::{
@@ -28,8 +28,9 @@ pub struct FindLandmarks {
 impl FindLandmarks {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let mut report = new_report();
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {

@@ -6,7 +6,7 @@ use anyface::{
     Error, Result,
     face::ShapeReport,
     job::write_json,
-    mesh::{Mesh, read_mesh_file},
+    mesh::{NamedMesh, read_mesh_file},
     output::{Report, ShapedObject, write_avatar, write_rig, write_rig_folder, write_rig_glb},
     rig::{ARKIT, ShapeSource, VISEMES},
 };
@@ -90,13 +90,14 @@ impl MakeRig {
             ));
         }
         let mut report = new_report();
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let (face, rig) = timed(&mut report, "shapes", || {
             let progress = |p| console.progress(p);
-            let face = engine.find(&mesh, &options, &progress)?;
+            let face = engine.find(mesh, &options, &progress)?;
             let in_betweens = self.in_betweens;
             let source = match self.by {
                 By::Network => ShapeSource::Network,
@@ -110,18 +111,18 @@ impl MakeRig {
         let replaced = timed(&mut report, "write", || {
             let bytes = || read_mesh_file(&self.mesh);
             match form {
-                Form::Archive => write_rig(&self.out, &rig, &mesh)?,
+                Form::Archive => write_rig(&self.out, &rig, mesh)?,
                 Form::Scene => {
-                    let landmarked_mesh = (&mesh, &face.landmarks);
+                    let landmarked_mesh = (mesh, &face.landmarks);
                     objects = write_rig_glb(&self.out, &rig, landmarked_mesh, Some(&bytes()?))?;
                 }
                 Form::Avatar => {
-                    let landmarked_mesh = (&mesh, &face.landmarks);
+                    let landmarked_mesh = (mesh, &face.landmarks);
                     return write_avatar(&self.out, &rig, landmarked_mesh, Some(&bytes()?));
                 }
                 Form::Folder => {
                     let source = Some(bytes()?).filter(|bytes| is_obj(bytes));
-                    write_rig_folder(&self.out, &rig, &mesh, source.as_deref())?;
+                    write_rig_folder(&self.out, &rig, mesh, source.as_deref())?;
                 }
             }
             Ok(Vec::new())

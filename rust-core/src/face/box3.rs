@@ -30,6 +30,11 @@ impl Box3 {
         self.extents().into_iter().fold(0.0, f32::max)
     }
 
+    /// Whether the boxes have a point in common.
+    pub(super) fn meets(&self, other: &Box3) -> bool {
+        (0..3).all(|i| self.low[i] <= other.high[i] && other.low[i] <= self.high[i])
+    }
+
     pub(super) fn smallest(&self) -> f32 {
         self.extents().into_iter().fold(f32::INFINITY, f32::min)
     }

@@ -41,7 +41,7 @@ pub(crate) use gltf::{glb_chunks, glb_scalars, target_name};
 pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;
-pub use read::read_mesh_file;
+pub use read::{NamedMesh, read_mesh_file};
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub(crate) use texture::texture_coordinates;
 pub use tree::{ClosestPlace, SurfaceTree};
