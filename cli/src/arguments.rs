@@ -270,7 +270,7 @@ impl FaceArgs {
 }
 
 /// The landmarks file beside a mesh, such as `open-mouth` and `head` write. It may belong to another mesh of the
-/// same name: H.landmarks.json of H.obj lies beside H.vrm, too.
+/// same name: H.landmarks.json of H.obj lies beside H.vrm, too. It says so if Anyface wrote it; any other one must fit.
 fn fitting_landmarks_beside(
     file: &Path,
     mesh: &Mesh,
@@ -280,7 +280,7 @@ fn fitting_landmarks_beside(
     if !beside.is_file() {
         return None;
     }
-    let landmarks = LandmarkSource::read(&beside).and_then(|landmarks| {
+    let landmarks = LandmarkSource::read_beside(&beside, mesh).and_then(|landmarks| {
         check_landmarks(mesh, &landmarks)?;
         Ok(landmarks)
     });

@@ -34,10 +34,10 @@ impl FindLandmarks {
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {
-            engine.find(&mesh, &options, &|p| console.progress(p))
+            engine.find(mesh, &options, &|p| console.progress(p))
         })?;
         let mouth = face.mouth();
-        let json = face.landmarks.to_json_with_mouth(mouth);
+        let json = face.landmarks.to_json_of(mesh, Some(mouth));
         write_atomically(&self.out, |file| file.write_all(json.as_bytes()))?;
         note_face(&mut report, &face);
         report.out = Some(shown(&self.out));

@@ -119,7 +119,7 @@ pub fn write(
     let bytes = read_mesh_file(source)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
     write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)?;
-    let json = opened.landmarks.to_json_with_mouth(mouth);
+    let json = opened.landmarks.to_json_of(&Mesh::read(out)?, Some(mouth));
     write_atomically(&landmarks_beside(out), |file| {
         file.write_all(json.as_bytes())
     })?;

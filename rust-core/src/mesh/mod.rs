@@ -113,6 +113,22 @@ impl From<&Landmarks> for LandmarkSource {
     }
 }
 
+impl Mesh {
+    /// A text of 32 hexadecimal digits that is the same for meshes with the same positions, to the bit, and the same
+    /// triangles, in the same order.
+    pub fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(self.positions.len() as u64).to_le_bytes());
+        for x in self.positions.as_flattened() {
+            hasher.update(&x.to_le_bytes());
+        }
+        for v in self.triangles.as_flattened() {
+            hasher.update(&v.to_le_bytes());
+        }
+        hasher.finalize().to_hex()[..32].to_owned()
+    }
+}
+
 /// An axis of the mesh's own frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
