@@ -519,8 +519,8 @@ AnyfaceStatus anyface_audio_read_damaged(const char *path,
                                          AnyfaceAudio **out,
                                          AnyfaceError **error);
 
-/// A sentence in English that says how much of a sound is missing because its file is damaged. NULL
-/// if nothing is missing, and for NULL.
+/// A sentence in English that says how much of a sound is missing because its file is damaged, and which
+/// audio track of a file with several it is. NULL if there is nothing to say, and for NULL.
 ///
 /// The text lives as long as the sound. A sound from `anyface_audio_trim()` has no warning.
 const char *anyface_audio_warning(const AnyfaceAudio *audio);

@@ -119,16 +119,27 @@ pub struct SoundArgs {
     /// Use a damaged sound file even if more than a fifth of it is missing
     #[arg(long)]
     any_damage: bool,
+    /// Number of the audio track, from 1, of a video or sound file that has several [default: the one that the file
+    /// names]
+    #[arg(long, value_name = "N")]
+    track: Option<usize>,
 }
 
 impl SoundArgs {
     pub fn read(&self, path: &Path, progress: ProgressFn<'_>) -> Result<SoundFile> {
-        SoundFile::read(path, self.any_damage, progress).map_err(|error| match error {
+        let read = SoundFile::read_track(path, self.track, self.any_damage, progress);
+        read.map_err(|error| match error {
             Error::DamagedSound(message) => {
                 Error::DamagedSound(format!("{message}; --any-damage uses the rest"))
             }
             other => other,
         })
+    }
+
+    /// Says which audio track of a file was taken, if the user chose none of several.
+    pub fn track_note(&self, file: &SoundFile) -> Option<String> {
+        let sentence = file.track.sentence().filter(|_| self.track.is_none());
+        sentence.map(|sentence| format!("{sentence}; --track N takes another"))
     }
 }
 

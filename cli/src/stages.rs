@@ -54,6 +54,7 @@ pub fn read_sound(
     report.missing_audio_s = file.damage.map(|damage| damage.missing_s);
     let damage = file.damage.map(|damage| damage.sentence());
     report.warnings.extend(damage);
+    report.warnings.extend(how.track_note(&file));
     report.warnings.extend(warnings_of_sound(&file.levels));
     Ok(file)
 }

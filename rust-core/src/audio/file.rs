@@ -45,10 +45,59 @@ pub struct SoundFile {
     pub levels: Levels,
     /// The part that could not be read.
     pub damage: Option<SoundDamage>,
+    /// Which of the file's audio tracks it is.
+    pub track: AudioTrack,
+    /// Number of the track that the caller wants.
+    wanted_track: Option<usize>,
     /// Sum of squares of each hop of 10 ms.
     energies: Vec<f32>,
     /// The whole sound, if it lasts [`WHOLE_S`] or less.
     waveform: Option<Waveform>,
+}
+
+/// One of the audio tracks of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AudioTrack {
+    /// From 1.
+    pub number: usize,
+    /// How many audio tracks the file has.
+    pub count: usize,
+    /// Its language, as the file writes it.
+    pub language: Option<String>,
+}
+
+impl Default for AudioTrack {
+    /// The only one.
+    fn default() -> AudioTrack {
+        AudioTrack {
+            number: 1,
+            count: 1,
+            language: None,
+        }
+    }
+}
+
+impl AudioTrack {
+    /// A sentence that says which track was taken; `None` if there is no other.
+    pub fn sentence(&self) -> Option<String> {
+        let language = self.language.as_deref().filter(|name| *name != "und");
+        let language = language.map_or(String::new(), |name| format!(" ({name})"));
+        let (number, count) = (self.number, self.count);
+        (count > 1).then(|| {
+            format!(
+                "the file has {count} audio tracks, of which number {number}{language} was taken"
+            )
+        })
+    }
+}
+
+/// The error about a track that a file lacks.
+pub(super) fn missing_track(number: usize, count: usize) -> Error {
+    let expected = match count {
+        1 => "1, the only one of the file".to_owned(),
+        count => format!("1 to {count}"),
+    };
+    Error::InvalidInput(format!("audio track: expected {expected}, got {number}"))
 }
 
 impl SoundFile {
@@ -60,19 +109,35 @@ impl SoundFile {
     /// # Errors
     /// Those of [`Waveform::from_file`]; `Cancelled`.
     pub fn read(path: &Path, any_damage: bool, progress: ProgressFn<'_>) -> Result<SoundFile> {
+        SoundFile::read_track(path, None, any_damage, progress)
+    }
+
+    /// Like [`SoundFile::read`], but takes the audio track with a number, from 1. `None` is the track that the file
+    /// names as its own choice.
+    ///
+    /// # Errors
+    /// As [`SoundFile::read`]; `InvalidInput` for a track that the file lacks.
+    pub fn read_track(
+        path: &Path,
+        track: Option<usize>,
+        any_damage: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<SoundFile> {
         let source = guarded(Error::Audio, || long_wav::as_wav(Source::open(path)?));
         let mut file = SoundFile {
             path: path.to_owned(),
             source: source.map_err(|error| named(path, error))?,
             levels: Levels::default(),
             damage: None,
+            track: AudioTrack::default(),
+            wanted_track: track,
             energies: Vec::new(),
             waveform: None,
         };
         let most = (WHOLE_S * f64::from(SAMPLE_RATE_HZ)) as usize;
         let (mut levels, mut energies) = (Levels::default(), Energies::default());
         let mut short_sound = Some(Vec::new());
-        file.damage = file.decode(&mut |piece| {
+        let decoded = file.decode(&mut |piece| {
             report(progress, "speech", 0.0)?;
             levels.add(piece);
             energies.add(piece);
@@ -82,6 +147,7 @@ impl SoundFile {
             }
             Ok(())
         })?;
+        (file.damage, file.track) = decoded;
         match file.damage {
             Some(damage) if damage.share() > LARGEST_LOSS && !any_damage => {
                 return Err(Error::DamagedSound(format!(
@@ -170,11 +236,14 @@ impl SoundFile {
         }
     }
 
-    fn decode(&self, out: Take<'_>) -> Result<Option<SoundDamage>> {
+    fn decode(&self, out: Take<'_>) -> Result<(Option<SoundDamage>, AudioTrack)> {
         let (path, source) = (&self.path, &self.source);
         let decoded = guarded(Error::Audio, || match wav::decode(path, source, out)? {
-            wav::Decoded::Sound(damage) => Ok(damage),
-            wav::Decoded::NotForUs => compressed::decode(path, source, out),
+            wav::Decoded::Sound(damage) => match self.wanted_track {
+                None | Some(1) => Ok((damage, AudioTrack::default())),
+                Some(number) => Err(missing_track(number, 1)),
+            },
+            wav::Decoded::NotForUs => compressed::decode((path, source), self.wanted_track, out),
         });
         decoded.map_err(|error| named(path, error))
     }

@@ -19,7 +19,7 @@ mod wav;
 mod waveform;
 
 pub use damage::SoundDamage;
-pub use file::{LARGEST_LOSS, SoundFile, WHOLE_S};
+pub use file::{AudioTrack, LARGEST_LOSS, SoundFile, WHOLE_S};
 pub use pitch::PROSODY_FPS;
 pub use prosody::Prosody;
 pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, Levels, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
