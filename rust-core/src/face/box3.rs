@@ -22,7 +22,7 @@ impl Box3 {
         std::array::from_fn(|i| 0.5 * (self.low[i] + self.high[i]))
     }
 
-    fn extents(&self) -> [f32; 3] {
+    pub(super) fn extents(&self) -> [f32; 3] {
         std::array::from_fn(|i| self.high[i] - self.low[i])
     }
 

@@ -6,8 +6,9 @@ use super::{Face, box3::Box3};
 
 /// The tip of the nose.
 const NOSE: usize = 30;
-/// An object is as large as the head if the largest sides of their boxes are that much alike.
-const LEAST_ALIKE: f32 = 0.8;
+/// An object is as large as the head if each side of their boxes is that much alike. Shoes are as wide as a head, but
+/// not as high.
+const LEAST_ALIKE: f32 = 0.7;
 
 impl Face {
     /// The name of the object that has the face, if the mesh names its objects.
@@ -32,11 +33,9 @@ impl Face {
         let face = of(places.remove(head).unwrap_or_default());
         let others = places.into_iter().filter(|(_, places)| {
             let other = of(places.clone());
-            let (small, large) = (
-                other.largest().min(face.largest()),
-                other.largest().max(face.largest()),
-            );
-            small > LEAST_ALIKE * large && !face.meets(&other)
+            let mut alike = face.extents().into_iter().zip(other.extents());
+            let is_alike = |(a, b): (f32, f32)| a.min(b) >= LEAST_ALIKE * a.max(b);
+            alike.all(is_alike) && !face.meets(&other)
         });
         others.map(|(name, _)| name).collect()
     }
@@ -105,7 +104,7 @@ mod tests {
                 "landmark {n}: {a:?} {b:?}"
             );
         }
-        let error = find("Cid").unwrap_err().to_string();
+        let error = find("Cid").err().unwrap().to_string();
         assert!(
             error.contains("expected one of Ann, Ben, got \"Cid\""),
             "{error}"
