@@ -278,7 +278,7 @@ fn an_avatar_that_gets_shapes_keeps_the_expressions_that_it_has() {
     });
     let json = shaped(&mesh, &rig, &source).json;
     let groups = &json["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"];
-    assert_eq!(groups.as_array().unwrap().len(), 17 - 1 + 52);
+    assert_eq!(groups.as_array().unwrap().len(), 17 + 52);
     assert_eq!(
         groups[0]["binds"],
         json!([{"mesh": 0, "index": 0, "weight": 100.0}])
