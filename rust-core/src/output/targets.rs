@@ -77,6 +77,8 @@ pub(super) struct Targets {
     pub in_file: BTreeMap<(usize, usize), usize>,
     /// Those of them that move nothing yet and take the displacements of their shape.
     pub empty: BTreeSet<(usize, usize)>,
+    /// Whether targets of the file turn the eyes.
+    pub eyes_in_file: bool,
     /// A vertex whose object gets every shape, also those that move nothing of it.
     pub whole_at: Option<u32>,
 }
@@ -133,6 +135,7 @@ impl Targets {
             stand_alone: false,
             in_file: BTreeMap::new(),
             empty: BTreeSet::new(),
+            eyes_in_file: false,
             whole_at: None,
         }
     }
@@ -187,6 +190,7 @@ impl Targets {
             stand_alone: true,
             in_file: BTreeMap::new(),
             empty: BTreeSet::new(),
+            eyes_in_file: false,
             whole_at: None,
         }
     }
@@ -204,6 +208,12 @@ impl Targets {
         self
     }
 
+    /// Whether shapes turn the eyes, so that no bones have to.
+    pub(super) fn turn_eyes(&self) -> bool {
+        let looks = |shape: &Target| shape.name.starts_with("eyeLook");
+        self.eyes_in_file || self.shapes.iter().any(looks)
+    }
+
     /// Whether a mesh of the file has any of these targets already.
     pub(super) fn has_in_file(&self, mesh: usize) -> bool {
         self.in_file.keys().any(|(of, _)| *of == mesh)
@@ -213,7 +223,7 @@ impl Targets {
     pub(super) fn of_file(
         in_file: BTreeMap<(usize, usize), usize>,
         weights: Array2<f32>,
-        fps: f64,
+        (fps, eyes_in_file): (f64, bool),
     ) -> Targets {
         Targets {
             shapes: Vec::new(),
@@ -222,6 +232,7 @@ impl Targets {
             stand_alone: false,
             in_file,
             empty: BTreeSet::new(),
+            eyes_in_file,
             whole_at: None,
         }
     }

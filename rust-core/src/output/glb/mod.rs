@@ -6,6 +6,7 @@
 
 mod alone;
 mod animation;
+mod bones;
 mod buffer;
 mod bytes;
 mod document;
@@ -17,6 +18,7 @@ use std::{io::Write, path::Path};
 
 pub(super) use self::{
     animation::{Track, animation, times},
+    bones::has_eye_bones,
     buffer::Buffer,
     document::{Bound, Document, write_document},
 };

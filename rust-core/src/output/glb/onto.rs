@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::{
     animation::{Track, WeightSource, animation, head, times, weights},
+    bones::{turn_eyes, turn_head},
     buffer::Buffer,
     bytes::Bytes,
     document::{Bound, Document},
@@ -262,11 +263,20 @@ impl Extended<'_> {
 
     /// Adds the rotation of the head, and an animation of all tracks.
     fn animate(&mut self, scene: &Scene<'_>) -> Result<()> {
-        let document = &mut self.document;
-        // In a file with bones, a node above everything would turn the whole body with the head.
-        if let Some(times) = self.times.filter(|_| document.get("skins").is_none()) {
-            let turns = turn_scene(document, &mut self.buffer, times, scene)?;
+        let (document, buffer) = (&mut self.document, &mut self.buffer);
+        if let Some(times) = self.times {
+            let faces: Vec<usize> = self.bound.iter().map(|bound| bound.node).collect();
+            let turns = match turn_head(document, (&mut *buffer, times), scene, &faces)? {
+                Some(bone) => Some(bone),
+                // In a file with bones, a node above everything would turn the whole body with the head.
+                None if document.get("skins").is_some() => None,
+                None => turn_scene(document, &mut *buffer, times, scene)?,
+            };
             self.tracks.extend(turns);
+            if !self.targets.turn_eyes() {
+                let eyes = turn_eyes(document, (buffer, times), scene)?;
+                self.tracks.extend(eyes);
+            }
         }
         if !self.tracks.is_empty() {
             let tracks = std::mem::take(&mut self.tracks);

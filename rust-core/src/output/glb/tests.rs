@@ -498,6 +498,115 @@ fn a_head_with_bones_is_not_turned_as_a_whole() {
     assert_eq!(json_of(&path)["scenes"][0]["nodes"], json!([0]));
 }
 
+/// The armature is turned and shrunk, the bone has a turn of its own.
+#[test]
+fn a_head_bone_turns_as_the_head_does_in_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let half = 0.5f32.sqrt();
+    let (above, rest) = ([half, 0.0, 0.0, half], [0.0, 0.6, 0.0, 0.8]);
+    let source = source(|document| {
+        *added(document, "nodes") = json!({"name": "Armature", "rotation": above, "scale": [0.01, 0.01, 0.01], "children": [3]});
+        *added(document, "nodes") =
+            json!({"name": "mixamorig:Head", "rotation": rest, "translation": [0.0, 3.0, 0.0]});
+        document["skins"] = json!([{"joints": [3]}]);
+        document["scenes"][0]["nodes"] = json!([0, 2]);
+        document["nodes"][1]["skin"] = json!(0);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let life = nodding();
+    write(&path, &mesh, &source, Some(&life)).unwrap();
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    assert_eq!(document.scenes().next().unwrap().nodes().count(), 2);
+    let channels = document
+        .animations()
+        .next()
+        .unwrap()
+        .channels()
+        .collect::<Vec<_>>();
+    let channel = channels
+        .iter()
+        .find(|channel| channel.target().node().index() == 3)
+        .unwrap();
+    let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+    let Some(ReadOutputs::Rotations(turns)) = reader.read_outputs() else {
+        panic!("expected rotations of the bone");
+    };
+    let quat = glam::Quat::from_array;
+    for (t, turn) in turns.into_f32().enumerate() {
+        let expected = glam::Quat::from_rotation_x(life.head[[t, 0]]) * quat(above) * quat(rest);
+        let got = quat(above) * quat(turn);
+        assert!(
+            got.angle_between(expected) < 1e-3,
+            "frame {t}: {got} {expected}"
+        );
+    }
+}
+
+/// The eyes look to the subject's left. Shapes that would turn them too are left out.
+#[test]
+fn eye_bones_turn_with_the_gaze_and_no_shape_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        *added(document, "nodes") = json!({"name": "eye.R"});
+        *added(document, "nodes") =
+            json!({"name": "eye.L", "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.5, 0, 0, 1]});
+        document["skins"] = json!([{"joints": [2, 3]}]);
+        document["scenes"][0]["nodes"] = json!([0, 2, 3]);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let mut life = Life::still(FRAMES);
+    life.gaze[[3, 0, 0]] = 0.2;
+    life.gaze[[3, 1, 1]] = 0.1;
+    let look = EyeLook {
+        name: "eyeLookInRight",
+        moved: vec![(0, [0.01, 0.0, 0.0])],
+    };
+    let mut file = ClipFile::new(&path)
+        .unwrap()
+        .of_file(&source)
+        .with_eyes(vec![look]);
+    file.add_life(&life);
+    file.begin(&ClipStart {
+        mesh: &mesh,
+        landmarks: canonical_landmarks(),
+        frames: FRAMES,
+        fps: FPS,
+    })
+    .unwrap();
+    file.take(FrameBlock {
+        displacements: swing(6),
+        landmarks: Array3::zeros((FRAMES, 68, 3)),
+    })
+    .unwrap();
+    file.finish(SILENT).unwrap();
+    let names = json_of(&path)["meshes"][0]["extras"]["targetNames"].to_string();
+    assert!(!names.contains("eyeLook"), "{names}");
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let animation = document.animations().next().unwrap();
+    let turn = |node: usize| {
+        let mut channels = animation.channels();
+        let channel = channels
+            .find(|channel| channel.target().node().index() == node)
+            .unwrap();
+        let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+        match reader.read_outputs() {
+            Some(ReadOutputs::Rotations(turns)) => {
+                glam::Quat::from_array(turns.into_f32().nth(3).unwrap())
+            }
+            _ => panic!("expected rotations of node {node}"),
+        }
+    };
+    let sight = glam::Vec3::Z;
+    assert!((turn(2) * sight).distance(glam::vec3(0.2f32.sin(), 0.0, 0.2f32.cos())) < 1e-3);
+    assert!((turn(3) * sight).distance(glam::vec3(0.0, 0.1f32.sin(), 0.1f32.cos())) < 1e-3);
+    assert_eq!(
+        json_of(&path)["nodes"][3]["translation"],
+        json!([0.5, 0.0, 0.0])
+    );
+}
+
 /// A node far away shows the same mesh, and only the first one speaks.
 #[test]
 fn a_mesh_that_two_nodes_show_speaks_where_it_moves() {
