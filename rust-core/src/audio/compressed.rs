@@ -28,11 +28,11 @@ use symphonia::{
 use super::{
     damage::SoundDamage,
     edit_list::{self, Edit},
-    file::{AudioTrack, missing_track},
     intake::Intake,
     opus::{self, OpusDecoder},
     resample::Take,
     source::Source,
+    track::{AudioTrack, missing_track},
     wav::LENGTH_UNKNOWN,
 };
 use crate::{Error, Result};

@@ -15,13 +15,15 @@ mod pitch;
 mod prosody;
 mod resample;
 mod source;
+mod track;
 mod wav;
 mod waveform;
 
 pub use damage::SoundDamage;
-pub use file::{AudioTrack, LARGEST_LOSS, SoundFile, WHOLE_S};
+pub use file::{LARGEST_LOSS, SoundFile, WHOLE_S};
 pub use pitch::PROSODY_FPS;
 pub use prosody::Prosody;
+pub use track::AudioTrack;
 pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, Levels, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
 
 #[cfg(test)]
