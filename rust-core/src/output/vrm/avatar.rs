@@ -6,7 +6,8 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::{
-    expressions::{Existing, add_expressions, shapes_of_expressions},
+    expressions::{Existing, expressions, shapes_of_expressions},
+    new_groups, old_groups,
     skeleton::skeleton,
 };
 use crate::{
@@ -74,6 +75,33 @@ pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Docume
     }
     let replaced = add_expressions(&mut avatar, &targets, Existing::Replace)?;
     Ok((avatar, replaced))
+}
+
+/// Adds expressions that move the targets of a document, if it is an avatar of VRM 1.0 or VRM 0. Returns
+/// the names of those that were replaced.
+///
+/// # Errors
+/// `InvalidInput` if the expressions of the avatar are none.
+pub(crate) fn add_expressions(
+    avatar: &mut Document,
+    targets: &Targets,
+    existing: Existing,
+) -> Result<Vec<String>> {
+    let place = |shape: &str| {
+        targets
+            .shapes
+            .iter()
+            .position(|target| target.name == shape && !target.moved.is_empty())
+    };
+    let expressions = expressions(|shape| place(shape).is_some());
+    let extensions = &avatar.json["extensions"];
+    if extensions["VRMC_vrm"].is_object() {
+        new_groups::add(avatar, (&expressions, existing), place)
+    } else if extensions["VRM"].is_object() {
+        old_groups::add(avatar, (&expressions, existing), place)
+    } else {
+        Ok(Vec::new())
+    }
 }
 
 /// Puts all nodes of the scene below the head bone of the smallest skeleton that VRM 1.0 allows.

@@ -1,19 +1,13 @@
 //! The expressions of a face under their VRM names, and the rig's shapes that show them.
 
-use super::{new_groups, old_groups};
 use crate::{
-    Result,
-    output::{
-        glb::Document,
-        take_shapes::{VOWEL_SHAPES, VOWELS},
-        targets::Targets,
-    },
+    output::take_shapes::{VOWEL_SHAPES, VOWELS},
     rig::ARKIT,
 };
 
 /// What becomes of an expression that the avatar has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in super::super) enum Existing {
+pub(crate) enum Existing {
     /// The new one takes its place.
     Replace,
     /// It stays. If it moves and colours nothing, it moves the shapes of the new one.
@@ -113,33 +107,6 @@ const MIXTURES: [Mixture; 12] = [
 const OLD_VOWELS: [&str; 5] = ["a", "i", "u", "e", "o"];
 /// Shapes that the vowels contain. An avatar that receives both would open its mouth twice.
 const OF_VOWELS: [&str; 4] = ["jawOpen", "mouthClose", "mouthFunnel", "mouthPucker"];
-
-/// Adds expressions that move the targets of a document, if it is an avatar of VRM 1.0 or VRM 0. Returns
-/// the names of those that were replaced.
-///
-/// # Errors
-/// `InvalidInput` if the expressions of the avatar are none.
-pub(in super::super) fn add_expressions(
-    avatar: &mut Document,
-    targets: &Targets,
-    existing: Existing,
-) -> Result<Vec<String>> {
-    let place = |shape: &str| {
-        targets
-            .shapes
-            .iter()
-            .position(|target| target.name == shape && !target.moved.is_empty())
-    };
-    let expressions = expressions(|shape| place(shape).is_some());
-    let extensions = &avatar.json["extensions"];
-    if extensions["VRMC_vrm"].is_object() {
-        new_groups::add(avatar, (&expressions, existing), place)
-    } else if extensions["VRM"].is_object() {
-        old_groups::add(avatar, (&expressions, existing), place)
-    } else {
-        Ok(Vec::new())
-    }
-}
 
 /// Names of the shapes that expressions use.
 pub(super) fn shapes_of_expressions() -> impl Iterator<Item = &'static str> {
