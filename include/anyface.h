@@ -519,8 +519,8 @@ AnyfaceStatus anyface_audio_read_damaged(const char *path,
                                          AnyfaceAudio **out,
                                          AnyfaceError **error);
 
-/// A sentence in English that says how much of a sound is missing because its file is damaged. NULL
-/// if nothing is missing, and for NULL.
+/// A sentence in English that says how much of a sound is missing because its file is damaged, and which
+/// audio track of a file with several it is. NULL if there is nothing to say, and for NULL.
 ///
 /// The text lives as long as the sound. A sound from `anyface_audio_trim()` has no warning.
 const char *anyface_audio_warning(const AnyfaceAudio *audio);
@@ -1525,13 +1525,15 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
 
 /// Writes the rig as a file. The ending of its name sets the kind.
 ///
-/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's
-/// expressions, and the 52 ARKit shapes under the names of Perfect Sync.
-/// `source`: the file that the mesh was read from, or NULL. If it is a VRM (1.0 or 0), all else in
-/// it stays, and new expressions replace those of the same name. Any other mesh gets the smallest
-/// skeleton that VRM 1.0 allows. `path` and `source`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a source that has bones but
-/// is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .glb: the mesh with its shapes as
+/// morph targets. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes under the names of
+/// Perfect Sync.
+/// `source`: the file that the mesh was read from, or NULL. `path` and `source`: UTF-8.
+/// A .glb keeps all else of a GLB or VRM, such as bones, materials, animations and the shapes and
+/// expressions that it has. A .vrm keeps all else of a VRM (1.0 or 0), and new expressions replace
+/// those of the same name; any other mesh gets the smallest skeleton that VRM 1.0 allows.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a .vrm whose source has bones
+/// but is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
 /// file is left behind.
 AnyfaceStatus anyface_rig_write(const AnyfaceRig *rig,
                                 const char *source,

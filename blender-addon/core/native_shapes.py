@@ -32,7 +32,8 @@ class ShapeCalls(Calls):
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
         The arguments are those of `native.Engine.find`. With `path` the rig is also written there,
-        as .npz or as a .vrm avatar, which keeps everything else in `source`, the mesh's file.
+        as .npz, or as .glb or a .vrm avatar, which keep everything else in `source`, the mesh's
+        file.
         Raises `AnyfaceError`, with "input" also if `by` asks for the field of a head and no head
         of the model is like the face; or `Cancelled`.
         """

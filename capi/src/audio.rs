@@ -84,16 +84,16 @@ unsafe fn read(
     let make = || {
         let path = unsafe { pointer::path("path", path) }?;
         let file = SoundFile::read(path, any_damage, SILENT)?;
-        let warning = file
-            .damage
-            .map(|damage| pointer::c_text(&damage.sentence()));
+        let damage = file.damage.map(|damage| damage.sentence());
+        let warnings: Vec<String> = damage.into_iter().chain(file.track.sentence()).collect();
+        let warning = (!warnings.is_empty()).then(|| pointer::c_text(&warnings.join("; ")));
         Ok(AnyfaceAudio(file.whole(SILENT)?, warning))
     };
     unsafe { guard::give(out, error, make) }
 }
 
-/// A sentence in English that says how much of a sound is missing because its file is damaged. NULL
-/// if nothing is missing, and for NULL.
+/// A sentence in English that says how much of a sound is missing because its file is damaged, and which
+/// audio track of a file with several it is. NULL if there is nothing to say, and for NULL.
 ///
 /// The text lives as long as the sound. A sound from `anyface_audio_trim()` has no warning.
 #[unsafe(no_mangle)]

@@ -7,7 +7,7 @@ use anyface::{
     face::{FaceOptions, Rig},
     job::ProgressFn,
     mesh::{Landmarks, Mesh, read_mesh_file},
-    output::{TakeShapes, write_avatar, write_rig},
+    output::{TakeShapes, write_avatar, write_rig, write_rig_glb},
 };
 use libc::c_char;
 
@@ -142,13 +142,15 @@ pub unsafe extern "C" fn anyface_rig_copy_shape(
 
 /// Writes the rig as a file. The ending of its name sets the kind.
 ///
-/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's
-/// expressions, and the 52 ARKit shapes under the names of Perfect Sync.
-/// `source`: the file that the mesh was read from, or NULL. If it is a VRM (1.0 or 0), all else in
-/// it stays, and new expressions replace those of the same name. Any other mesh gets the smallest
-/// skeleton that VRM 1.0 allows. `path` and `source`: UTF-8.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a source that has bones but
-/// is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .glb: the mesh with its shapes as
+/// morph targets. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes under the names of
+/// Perfect Sync.
+/// `source`: the file that the mesh was read from, or NULL. `path` and `source`: UTF-8.
+/// A .glb keeps all else of a GLB or VRM, such as bones, materials, animations and the shapes and
+/// expressions that it has. A .vrm keeps all else of a VRM (1.0 or 0), and new expressions replace
+/// those of the same name; any other mesh gets the smallest skeleton that VRM 1.0 allows.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending, or for a .vrm whose source has bones
+/// but is no VRM. Fails with `ANYFACE_STATUS_IO` if a file cannot be read or written; in that case no
 /// file is left behind.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_write(
@@ -165,15 +167,18 @@ pub unsafe extern "C" fn anyface_rig_write(
         } else {
             Some(read_mesh_file(unsafe { pointer::path("source", source) }?)?)
         };
+        let target = (&*rig.mesh, &rig.landmarks);
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,
+            Some("glb") => {
+                write_rig_glb(path, &rig.rig, target, source.as_deref())?;
+            }
             Some("vrm") => {
-                let target = (&*rig.mesh, &rig.landmarks);
                 write_avatar(path, &rig.rig, target, source.as_deref())?;
             }
             _ => {
                 return Err(crate::error::Failure::invalid(format!(
-                    "{}: expected a name that ends in .npz or .vrm",
+                    "{}: expected a name that ends in .npz, .glb or .vrm",
                     path.display()
                 )));
             }
@@ -224,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_is_written_as_an_avatar_by_its_ending() {
+    fn a_rig_is_written_in_the_format_of_its_ending() {
         let (rig, folder) = (example(), std::env::temp_dir());
         let name = |ending: &str| {
             let path = folder.join(format!("anyface-rig-{}.{ending}", std::process::id()));
@@ -232,6 +237,7 @@ mod tests {
         };
         for (ending, status) in [
             ("vrm", AnyfaceStatus::Ok),
+            ("glb", AnyfaceStatus::Ok),
             ("npz", AnyfaceStatus::Ok),
             ("obj", AnyfaceStatus::InvalidInput),
         ] {

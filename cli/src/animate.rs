@@ -6,7 +6,7 @@ use anyface::{
     Engine, Error, Face, Result,
     audio::SoundFile,
     job::ProgressFn,
-    mesh::{Mesh, Mouth},
+    mesh::{Mesh, Mouth, NamedMesh},
     output::{ClipFile, Format, Report},
     speech::frames_of,
 };
@@ -104,19 +104,20 @@ impl Animate {
             scene_sound.copy(&self.audio)?;
             report.warnings.extend(scene_sound.warning.clone());
         }
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
-        if let Some((frames, heard_s)) = self.memory(&job, &mesh, duration_s, request.fps)? {
+        if let Some((frames, heard_s)) = self.memory(&job, mesh, duration_s, request.fps)? {
             note_memory(&mut report, &engine, mesh.positions.len(), frames, heard_s)?;
         }
         let found = timed(&mut report, "prepare", || {
             if self.open_mouth || matches!(job, Job::Surface) {
-                engine.find(&mesh, &options, progress)
+                engine.find(mesh, &options, progress)
             } else {
-                engine.prepare(&mesh, &options, progress)
+                engine.prepare(mesh, &options, progress)
             }
         })?;
         let vertices = found.mesh.positions.len();

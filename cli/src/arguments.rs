@@ -15,7 +15,7 @@ use anyface::{
     face::{DEFAULT_PROXY, FaceOptions, check_landmarks},
     job::{InputKind, ProgressFn, Receipts, read_text},
     mesh::{
-        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, ObjectNames,
+        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, Mesh, NamedMesh,
         PartChoices, PartRole, PartSelector,
     },
     speech::Script,
@@ -119,16 +119,27 @@ pub struct SoundArgs {
     /// Use a damaged sound file even if more than a fifth of it is missing
     #[arg(long)]
     any_damage: bool,
+    /// Number of the audio track, from 1, of a video or sound file that has several [default: the one that the file
+    /// names]
+    #[arg(long, value_name = "N")]
+    track: Option<usize>,
 }
 
 impl SoundArgs {
     pub fn read(&self, path: &Path, progress: ProgressFn<'_>) -> Result<SoundFile> {
-        SoundFile::read(path, self.any_damage, progress).map_err(|error| match error {
+        let read = SoundFile::read_track(path, self.track, self.any_damage, progress);
+        read.map_err(|error| match error {
             Error::DamagedSound(message) => {
                 Error::DamagedSound(format!("{message}; --any-damage uses the rest"))
             }
             other => other,
         })
+    }
+
+    /// Says which audio track of a file was taken, if the user chose none of several.
+    pub fn track_note(&self, file: &SoundFile) -> Option<String> {
+        let sentence = file.track.sentence().filter(|_| self.track.is_none());
+        sentence.map(|sentence| format!("{sentence}; --track N takes another"))
     }
 }
 
@@ -139,6 +150,9 @@ pub struct FaceArgs {
     /// is none, they are detected]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
+    /// The object with the face, where a file has several heads. Its landmarks are searched for on this object alone
+    #[arg(long, value_name = "NAME", conflicts_with = "landmarks")]
+    head: Option<String>,
     /// Fixed landmarks as JSON. They stay where they are, and the detected ones are fitted to them
     #[arg(long, value_name = "F.json")]
     fix: Option<InputPath>,
@@ -224,18 +238,19 @@ impl Display for ProxySize {
 }
 
 impl FaceArgs {
-    /// `file`: the file of the mesh. `known`: landmarks that the caller has from elsewhere, used
+    /// `mesh`: read from `file`. `known`: landmarks that the caller has from elsewhere, used
     /// unless --landmarks gives others. A landmarks file beside the mesh that does not fit it is
     /// passed over, and a warning says so.
     pub fn options(
         &self,
-        (file, mesh): (&Path, &Mesh),
+        (file, mesh): (&Path, &NamedMesh),
         known: Option<LandmarkSource>,
         warnings: &mut Vec<String>,
     ) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
-            None if known.is_none() => fitting_landmarks_beside(file, mesh, warnings),
+            None if self.head.is_some() => None,
+            None if known.is_none() => fitting_landmarks_beside(file, &mesh.mesh, warnings),
             None => known,
         };
         let mut fixed = match &self.fix {
@@ -251,17 +266,13 @@ impl FaceArgs {
         }
         Ok(FaceOptions {
             landmarks,
+            head: self.head.clone(),
             fixed,
             forward: self.forward,
             up: self.up,
             controls: self.controls.controls()?,
             parts: PartChoices {
-                // A pipe can be read only once.
-                names: if file.is_file() {
-                    ObjectNames::read(file)?
-                } else {
-                    ObjectNames::default()
-                },
+                names: mesh.names.clone(),
                 roles: self.parts.clone(),
             },
             proxy: self.proxy.0,
@@ -270,7 +281,7 @@ impl FaceArgs {
 }
 
 /// The landmarks file beside a mesh, such as `open-mouth` and `head` write. It may belong to another mesh of the
-/// same name: H.landmarks.json of H.obj lies beside H.vrm, too.
+/// same name: H.landmarks.json of H.obj lies beside H.vrm, too. It says so if Anyface wrote it; any other one must fit.
 fn fitting_landmarks_beside(
     file: &Path,
     mesh: &Mesh,
@@ -280,7 +291,7 @@ fn fitting_landmarks_beside(
     if !beside.is_file() {
         return None;
     }
-    let landmarks = LandmarkSource::read(&beside).and_then(|landmarks| {
+    let landmarks = LandmarkSource::read_beside(&beside, mesh).and_then(|landmarks| {
         check_landmarks(mesh, &landmarks)?;
         Ok(landmarks)
     });

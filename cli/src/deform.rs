@@ -5,7 +5,7 @@ use std::path::Path;
 use anyface::{
     Engine, Error, Face, Result,
     conditions::Controls,
-    mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
+    mesh::{LandmarkSource, NamedMesh, ibug::LANDMARKS},
     motion::{
         LandmarkClip, Life, Motion,
         bounds::{WEIGHT, check_life},
@@ -66,20 +66,21 @@ impl Deform {
         }
         let mut report = new_report();
         let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
         let known = motion
             .neutral
             .map(|neutral| LandmarkSource::Positions(neutral.to_vec()));
-        let file = (&*self.mesh, &mesh);
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, known, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
         let face = timed(&mut report, "prepare", || {
             let progress = &|p| console.progress(p);
             if self.surface.is_asked() {
-                engine.find(&mesh, &options, progress)
+                engine.find(mesh, &options, progress)
             } else {
-                engine.prepare(&mesh, &options, progress)
+                engine.prepare(mesh, &options, progress)
             }
         })?;
         note_face(&mut report, &face);

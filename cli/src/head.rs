@@ -205,12 +205,14 @@ impl MakeHead {
         let write = |path: &Path, text: &str| {
             write_atomically(path, |file| file.write_all(text.as_bytes()))
         };
-        write(landmarks, &head.landmarks.to_json())?;
+        let obj = head.to_obj();
+        let mesh = Mesh::parse(obj.as_bytes())?;
+        write(landmarks, &head.landmarks.to_json_of(&mesh, None))?;
         if let Some(path) = &self.code_out {
             let text = serde_json::to_string(numbers).expect("numbers serialise");
             write(path, &text)?;
         }
-        write(&self.out, &head.to_obj())
+        write(&self.out, &obj)
     }
 }
 

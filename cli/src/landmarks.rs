@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyface::{Result, job::write_atomically, mesh::Mesh};
+use anyface::{Result, job::write_atomically, mesh::NamedMesh};
 use clap::Args;
 
 use crate::{
@@ -28,15 +28,16 @@ pub struct FindLandmarks {
 impl FindLandmarks {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let mut report = new_report();
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {
-            engine.find(&mesh, &options, &|p| console.progress(p))
+            engine.find(mesh, &options, &|p| console.progress(p))
         })?;
         let mouth = face.mouth();
-        let json = face.landmarks.to_json_with_mouth(mouth);
+        let json = face.landmarks.to_json_of(mesh, Some(mouth));
         write_atomically(&self.out, |file| file.write_all(json.as_bytes()))?;
         note_face(&mut report, &face);
         report.out = Some(shown(&self.out));

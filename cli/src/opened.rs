@@ -9,7 +9,7 @@ use anyface::{
     Error, Result,
     face::OpenedFace,
     job::{Progress, write_atomically},
-    mesh::{Mesh, Mouth, read_mesh_file},
+    mesh::{Mesh, Mouth, NamedMesh, read_mesh_file},
     output::write_opened_obj,
 };
 use clap::Args;
@@ -53,13 +53,14 @@ impl Open {
     pub fn run(&self, feature: Feature, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
         let mut report = new_report();
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let mut warnings = Vec::new();
         let options = self.face.options(file, None, &mut warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let face = timed(&mut report, "landmarks", || {
-            engine.find(&mesh, &options, &|p| console.progress(p))
+            engine.find(mesh, &options, &|p| console.progress(p))
         })?;
         let progress = |p: Progress| console.progress(p);
         let opened = timed(&mut report, "open", || match feature {
@@ -71,7 +72,7 @@ impl Open {
             Feature::Eyes => face.mouth(),
         };
         timed(&mut report, "write", || {
-            write(&self.out, &self.mesh, &mesh, &opened, mouth)
+            write(&self.out, &self.mesh, mesh, &opened, mouth)
         })?;
         note_face(&mut report, &face);
         report.warnings = warnings;
@@ -118,7 +119,7 @@ pub fn write(
     let bytes = read_mesh_file(source)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
     write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)?;
-    let json = opened.landmarks.to_json_with_mouth(mouth);
+    let json = opened.landmarks.to_json_of(&Mesh::read(out)?, Some(mouth));
     write_atomically(&landmarks_beside(out), |file| {
         file.write_all(json.as_bytes())
     })?;

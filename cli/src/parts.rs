@@ -2,7 +2,7 @@
 
 use anyface::{
     Result,
-    mesh::{Mesh, Part},
+    mesh::{NamedMesh, Part},
 };
 use clap::Args;
 
@@ -24,14 +24,14 @@ pub struct ListParts {
 
 impl ListParts {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let mesh = Mesh::read(&self.mesh)?;
+        let named = NamedMesh::read(&self.mesh)?;
         let mut warnings = Vec::new();
-        let file = (&*self.mesh, &mesh);
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut warnings)?;
         console.warn(&warnings);
         let face = shared
             .engine()?
-            .find(&mesh, &options, &|p| console.progress(p))?;
+            .find(&named.mesh, &options, &|p| console.progress(p))?;
         let list = &face.parts;
         let mut text = format!(
             "{:>4} {:<8} {:>8}  {:<32} name\n",

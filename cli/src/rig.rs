@@ -6,8 +6,8 @@ use anyface::{
     Error, Result,
     face::ShapeReport,
     job::write_json,
-    mesh::{Mesh, read_mesh_file},
-    output::{Report, write_avatar, write_rig, write_rig_folder},
+    mesh::{NamedMesh, read_mesh_file},
+    output::{Report, ShapedObject, write_avatar, write_rig, write_rig_folder, write_rig_glb},
     rig::{ARKIT, ShapeSource, VISEMES},
 };
 use clap::{Args, ValueEnum};
@@ -35,8 +35,10 @@ pub struct MakeRig {
     /// The mesh: OBJ, PLY, GLB, VRM or glTF
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The result: .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with the expressions of VRM and the 52 of
-    /// Perfect Sync), or a folder with one OBJ for each shape. A VRM keeps everything else of the mesh's VRM
+    /// The result: .glb (the mesh with its shapes as morph targets, and everything else of the mesh's GLB or VRM, such as
+    /// bones, materials and animations), .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with the expressions of
+    /// VRM and the 52 of Perfect Sync), or a folder with one OBJ for each shape. A VRM keeps everything else of the mesh's
+    /// VRM
     #[arg(long, value_name = "R")]
     out: OutputPath,
     /// What moves the skin in each shape: a network, or the field of a head that resembles the mesh
@@ -58,6 +60,9 @@ struct RigReport<'a> {
     #[serde(flatten)]
     run: &'a Report,
     shapes: &'a [ShapeReport],
+    /// The objects of a GLB that have shapes now.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    objects: &'a [ShapedObject],
 }
 
 impl MakeRig {
@@ -85,13 +90,14 @@ impl MakeRig {
             ));
         }
         let mut report = new_report();
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
-        let file = (&*self.mesh, &mesh);
+        let named = timed(&mut report, "read", || NamedMesh::read(&self.mesh))?;
+        let mesh = &named.mesh;
+        let file = (&*self.mesh, &named);
         let options = self.face.options(file, None, &mut report.warnings)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         let (face, rig) = timed(&mut report, "shapes", || {
             let progress = |p| console.progress(p);
-            let face = engine.find(&mesh, &options, &progress)?;
+            let face = engine.find(mesh, &options, &progress)?;
             let in_betweens = self.in_betweens;
             let source = match self.by {
                 By::Network => ShapeSource::Network,
@@ -101,17 +107,22 @@ impl MakeRig {
             Ok((face, rig))
         })?;
         note_face(&mut report, &face);
+        let mut objects = Vec::new();
         let replaced = timed(&mut report, "write", || {
             let bytes = || read_mesh_file(&self.mesh);
             match form {
-                Form::Archive => write_rig(&self.out, &rig, &mesh)?,
+                Form::Archive => write_rig(&self.out, &rig, mesh)?,
+                Form::Scene => {
+                    let landmarked_mesh = (mesh, &face.landmarks);
+                    objects = write_rig_glb(&self.out, &rig, landmarked_mesh, Some(&bytes()?))?;
+                }
                 Form::Avatar => {
-                    let landmarked_mesh = (&mesh, &face.landmarks);
+                    let landmarked_mesh = (mesh, &face.landmarks);
                     return write_avatar(&self.out, &rig, landmarked_mesh, Some(&bytes()?));
                 }
                 Form::Folder => {
                     let source = Some(bytes()?).filter(|bytes| is_obj(bytes));
-                    write_rig_folder(&self.out, &rig, &mesh, source.as_deref())?;
+                    write_rig_folder(&self.out, &rig, mesh, source.as_deref())?;
                 }
             }
             Ok(Vec::new())
@@ -129,22 +140,25 @@ impl MakeRig {
         let full = RigReport {
             run: &report,
             shapes: &rig.reports,
+            objects: &objects,
         };
         if let Some(path) = &self.report {
             write_json(path, &full)?;
         }
         let replaced = replaced.map(|sentence| format!("warning: {sentence}\n"));
-        let text = summary(&report, &rig.reports) + &replaced.unwrap_or_default();
+        let text = summary(&report, &rig.reports) + &objects_text(&objects);
+        let text = text + &replaced.unwrap_or_default();
         console.value(&full, &text)
     }
 
     fn form(&self) -> Result<Form> {
         match self.out.extension().and_then(OsStr::to_str) {
             Some("npz") => Ok(Form::Archive),
+            Some("glb") => Ok(Form::Scene),
             Some("vrm") => Ok(Form::Avatar),
             _ if is_folder(&self.out) => Ok(Form::Folder),
             other => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz or .vrm, or a folder, got .{}",
+                "{}: expected a name that ends in .glb, .npz or .vrm, or a folder, got .{}",
                 self.out.display(),
                 other.unwrap_or_default()
             ))),
@@ -156,6 +170,7 @@ impl MakeRig {
 #[derive(Debug, Clone, Copy)]
 enum Form {
     Archive,
+    Scene,
     Avatar,
     Folder,
 }
@@ -171,6 +186,18 @@ fn note_shapes(report: &mut Report, shapes: &[ShapeReport]) {
             report.warnings.push(format!("{}: {note}", shape.name));
         }
     }
+}
+
+/// A line for each object that has shapes.
+fn objects_text(objects: &[ShapedObject]) -> String {
+    let line = |object: &ShapedObject| {
+        let kept = match object.kept {
+            0 => String::new(),
+            kept => format!(", kept {kept}"),
+        };
+        format!("{:>20} got {} shapes{kept}\n", object.name, object.new)
+    };
+    objects.iter().map(line).collect()
 }
 
 /// The summary for people: the total, then a table of the shapes and their notes.

@@ -54,6 +54,7 @@ pub fn read_sound(
     report.missing_audio_s = file.damage.map(|damage| damage.missing_s);
     let damage = file.damage.map(|damage| damage.sentence());
     report.warnings.extend(damage);
+    report.warnings.extend(how.track_note(&file));
     report.warnings.extend(warnings_of_sound(&file.levels));
     Ok(file)
 }
@@ -287,7 +288,23 @@ pub fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
     report.warnings.extend(face.at_rest());
+    note_head(report, face);
     report.warnings.extend(lids_sentence(face));
+}
+
+/// Notes which head was taken, and names others of the file.
+fn note_head(report: &mut Report, face: &Face) {
+    let (chosen, others) = (face.options.head.is_some(), face.other_heads());
+    let Some(head) = face.head().filter(|_| chosen || !others.is_empty()) else {
+        return;
+    };
+    report.head = Some(head.to_owned());
+    if let (false, [first, ..]) = (chosen, &others[..]) {
+        report.warnings.push(format!(
+            "the face of {head} was taken; the file may have other heads ({}): --head {first} takes another",
+            others.join(", ")
+        ));
+    }
 }
 
 /// Says which eyes do not blink and why. `None` if both blink.

@@ -7,7 +7,7 @@ use std::{
     sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
-use anyface::{Engine, Error, Face, Result, job::ProgressFn, mesh::Mesh, output::TakeWeights};
+use anyface::{Engine, Error, Face, Result, job::ProgressFn, mesh::NamedMesh, output::TakeWeights};
 
 use super::{ledger::Failure, line::Line, rows::Row};
 use crate::stages::{new_report, note_face};
@@ -120,11 +120,11 @@ fn make(
     let Some(path) = line.options.mesh.as_deref() else {
         return Ok(ready);
     };
-    let mesh = Mesh::read(path)?;
+    let named = NamedMesh::read(path)?;
     let mut report = new_report();
     let face = &line.options.face;
-    let options = face.options((path, &mesh), None, &mut report.warnings)?;
-    let face = ready.engine.prepare(&mesh, &options, progress)?;
+    let options = face.options((path, &named), None, &mut report.warnings)?;
+    let face = ready.engine.prepare(&named.mesh, &options, progress)?;
     note_face(&mut report, &face);
     let reach = ready.engine.mouth_reach(&face, progress)?;
     let limits = reach.map(|reach| reach.sentences());

@@ -230,6 +230,29 @@ fn landmarks_of_another_mesh_are_named_and_passed_over() {
     assert!(folder.path().join("o.json").is_file());
 }
 
+/// Their places fit the other mesh too, but they name the mesh that they belong to.
+#[test]
+fn landmarks_name_their_mesh_and_are_taken_beside_it_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = |arguments: &[&str]| {
+        let output = anyface(folder.path(), arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    run(&["head", "--seed", "7", "--out", "h.obj"]);
+    let parts = ["parts", "--mesh", "h.obj", "--no-cache"];
+    assert_eq!(run(&parts), "");
+    let obj = fs::read_to_string(at("h.obj")).unwrap();
+    let place = obj.lines().find(|line| line.starts_with("v ")).unwrap();
+    fs::write(at("h.obj"), obj.replacen(place, "v 0 0.25 0", 1)).unwrap();
+    let said = run(&parts);
+    assert!(
+        said.contains("expected the landmarks of this mesh"),
+        "{said}"
+    );
+}
+
 /// The command writes the paper's heat maps: the shares of 68 landmarks for each vertex of the skin.
 #[test]
 fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {

@@ -154,9 +154,9 @@ def make_rig(
 ) -> Rig:
     """Makes a mesh's 52 ARKit shapes and 15 Oculus visemes: `vectors` `[67, V, 3]` and `names`.
 
-    `out` is a file that also receives them, .npz or .vrm. The .vrm is an avatar with the
-    expressions of VRM and of Perfect Sync. It keeps everything else that the file `mesh` has. The
-    other arguments are those of `animate`.
+    `out` is a file that also receives them, .npz, .glb or .vrm. The .glb is the mesh with its shapes
+    as morph targets, the .vrm an avatar with the expressions of VRM and of Perfect Sync. Both keep
+    everything else that the file `mesh` has. The other arguments are those of `animate`.
     """
     oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
     source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""

@@ -32,6 +32,7 @@ use super::{
     opus::{self, OpusDecoder},
     resample::Take,
     source::Source,
+    track::{AudioTrack, missing_track},
     wav::LENGTH_UNKNOWN,
 };
 use crate::{Error, Result};
@@ -59,15 +60,20 @@ static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
     codecs
 });
 
-/// Decodes the first audio track of the file into `out`. Returns how much of it is lost.
-pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Option<SoundDamage>> {
+/// Decodes an audio track of the file into `out`. Returns how much of it is lost, and which track it is. `wanted`:
+/// number of the track, from 1; `None` is the one that the file names.
+pub(super) fn decode(
+    (path, source): (&Path, &Source),
+    wanted: Option<usize>,
+    out: Take<'_>,
+) -> Result<(Option<SoundDamage>, AudioTrack)> {
     let mut format = open(path, source)?;
-    let (track, mut decoder) = open_track(path, format.as_ref())?;
-    let track_id = track.id;
+    let (track, which) = find_track(path, format.as_ref(), wanted)?;
+    let (track_id, mut decoder) = (track.id, open_track(path, track)?);
     let mut loss = Loss::of(track, decoder.codec_params(), trusts_length(source)?);
     let refuse = |e: StreamError| describe(path, e);
     let mut sound = Sound {
-        edit: edit_list::read(source.read()?),
+        edit: edit_list::read(source.read()?, which.number - 1),
         before: before(track, decoder.codec_params()),
         ..Sound::into(out)
     };
@@ -109,7 +115,7 @@ pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Opti
     match sound.intake {
         Some(intake) => {
             intake.finish()?;
-            Ok(damage)
+            Ok((damage, which))
         }
         None => Err(Error::Audio(format!(
             "{}: expected sound, got no samples",
@@ -237,14 +243,44 @@ fn open(path: &Path, source: &Source) -> Result<Box<dyn FormatReader>> {
         })
 }
 
-fn open_track<'a>(
+/// The audio track with a number, or the one that the file names, and its place among those of audio.
+fn find_track<'a>(
     path: &Path,
     format: &'a dyn FormatReader,
-) -> Result<(&'a Track, Box<dyn AudioDecoder>)> {
+    wanted: Option<usize>,
+) -> Result<(&'a Track, AudioTrack)> {
+    let is_audio = |track: &&Track| {
+        track
+            .codec_params
+            .as_ref()
+            .is_some_and(|p| p.audio().is_some())
+    };
+    let tracks: Vec<&Track> = format.tracks().iter().filter(is_audio).collect();
+    let named = format.default_track(TrackType::Audio);
+    let named = named.and_then(|named| tracks.iter().position(|track| track.id == named.id));
+    let number = match wanted {
+        Some(number) => number,
+        None => named.unwrap_or(0) + 1,
+    };
+    match number.checked_sub(1).and_then(|place| tracks.get(place)) {
+        Some(track) => Ok((
+            track,
+            AudioTrack {
+                number,
+                count: tracks.len(),
+                language: track.language.clone(),
+            },
+        )),
+        None if tracks.is_empty() => Err(Error::Audio(format!(
+            "{}: the file has no audio track",
+            path.display()
+        ))),
+        None => Err(missing_track(number, tracks.len())),
+    }
+}
+
+fn open_track(path: &Path, track: &Track) -> Result<Box<dyn AudioDecoder>> {
     let lacks = |what: &str| Error::Audio(format!("{}: {what}", path.display()));
-    let track = format
-        .default_track(TrackType::Audio)
-        .ok_or_else(|| lacks("the file has no audio track"))?;
     let parameters = track
         .codec_params
         .as_ref()
@@ -258,7 +294,7 @@ fn open_track<'a>(
                 "the codec is not supported ({e}); expected {FORMATS}"
             ))
         })?;
-    Ok((track, decoder))
+    Ok(decoder)
 }
 
 /// The parameters that a decoder of A-law or µ-law accepts. CAF states 8 bits a sample, the coded

@@ -17,14 +17,16 @@ pub(super) struct Edit {
     pub length_s: Option<f64>,
 }
 
-/// Reads the edit of the first audio track; `None` if the file is no MP4 or has no simple edit.
-pub(super) fn read(mut file: impl Read + Seek) -> Option<Edit> {
+/// Reads the edit of an audio track; `None` if the file is no MP4 or has no simple edit. `number`: of the track among
+/// those of audio, from 0.
+pub(super) fn read(mut file: impl Read + Seek, number: usize) -> Option<Edit> {
     let header = movie_header(&mut file)?;
     let movie_scale = timescale(child(&header, b"mvhd")?)?;
     let track = boxes(&header)
         .filter(|(kind, _)| *kind == b"trak")
         .map(|(_, body)| body)
-        .find(|track| is_audio(track).unwrap_or(false))?;
+        .filter(|track| is_audio(track).unwrap_or(false))
+        .nth(number)?;
     let media_scale = timescale(child(child(track, b"mdia")?, b"mdhd")?)?;
     let (length, start) = first_edit(child(child(track, b"edts")?, b"elst")?)?;
     Some(Edit {

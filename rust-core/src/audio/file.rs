@@ -12,6 +12,7 @@ use super::{
     pitch::HOP,
     resample::Take,
     source::Source,
+    track::{AudioTrack, missing_track},
     wav,
     waveform::{Levels, SAMPLE_RATE_HZ},
 };
@@ -45,6 +46,10 @@ pub struct SoundFile {
     pub levels: Levels,
     /// The part that could not be read.
     pub damage: Option<SoundDamage>,
+    /// Which of the file's audio tracks it is.
+    pub track: AudioTrack,
+    /// Number of the track that the caller wants.
+    wanted_track: Option<usize>,
     /// Sum of squares of each hop of 10 ms.
     energies: Vec<f32>,
     /// The whole sound, if it lasts [`WHOLE_S`] or less.
@@ -60,19 +65,35 @@ impl SoundFile {
     /// # Errors
     /// Those of [`Waveform::from_file`]; `Cancelled`.
     pub fn read(path: &Path, any_damage: bool, progress: ProgressFn<'_>) -> Result<SoundFile> {
+        SoundFile::read_track(path, None, any_damage, progress)
+    }
+
+    /// Like [`SoundFile::read`], but takes the audio track with a number, from 1. `None` is the track that the file
+    /// names as its own choice.
+    ///
+    /// # Errors
+    /// As [`SoundFile::read`]; `InvalidInput` for a track that the file lacks.
+    pub fn read_track(
+        path: &Path,
+        track: Option<usize>,
+        any_damage: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<SoundFile> {
         let source = guarded(Error::Audio, || long_wav::as_wav(Source::open(path)?));
         let mut file = SoundFile {
             path: path.to_owned(),
             source: source.map_err(|error| named(path, error))?,
             levels: Levels::default(),
             damage: None,
+            track: AudioTrack::default(),
+            wanted_track: track,
             energies: Vec::new(),
             waveform: None,
         };
         let most = (WHOLE_S * f64::from(SAMPLE_RATE_HZ)) as usize;
         let (mut levels, mut energies) = (Levels::default(), Energies::default());
         let mut short_sound = Some(Vec::new());
-        file.damage = file.decode(&mut |piece| {
+        let decoded = file.decode(&mut |piece| {
             report(progress, "speech", 0.0)?;
             levels.add(piece);
             energies.add(piece);
@@ -82,6 +103,7 @@ impl SoundFile {
             }
             Ok(())
         })?;
+        (file.damage, file.track) = decoded;
         match file.damage {
             Some(damage) if damage.share() > LARGEST_LOSS && !any_damage => {
                 return Err(Error::DamagedSound(format!(
@@ -170,11 +192,14 @@ impl SoundFile {
         }
     }
 
-    fn decode(&self, out: Take<'_>) -> Result<Option<SoundDamage>> {
+    fn decode(&self, out: Take<'_>) -> Result<(Option<SoundDamage>, AudioTrack)> {
         let (path, source) = (&self.path, &self.source);
         let decoded = guarded(Error::Audio, || match wav::decode(path, source, out)? {
-            wav::Decoded::Sound(damage) => Ok(damage),
-            wav::Decoded::NotForUs => compressed::decode(path, source, out),
+            wav::Decoded::Sound(damage) => match self.wanted_track {
+                None | Some(1) => Ok((damage, AudioTrack::default())),
+                Some(number) => Err(missing_track(number, 1)),
+            },
+            wav::Decoded::NotForUs => compressed::decode((path, source), self.wanted_track, out),
         });
         decoded.map_err(|error| named(path, error))
     }

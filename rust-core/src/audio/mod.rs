@@ -15,6 +15,7 @@ mod pitch;
 mod prosody;
 mod resample;
 mod source;
+mod track;
 mod wav;
 mod waveform;
 
@@ -23,6 +24,7 @@ pub use file::{LARGEST_LOSS, SoundFile, WHOLE_S};
 pub use pitch::PROSODY_FPS;
 pub use prosody::Prosody;
 pub use resample::RateConverter;
+pub use track::AudioTrack;
 pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, Levels, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
 
 #[cfg(test)]

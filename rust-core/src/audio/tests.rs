@@ -430,6 +430,51 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     assert_eq!((file.levels.samples, file.damage), (3200, None));
 }
 
+#[test]
+fn each_audio_track_of_a_file_is_heard_by_its_number() {
+    let path = fixture("two_tracks.m4a");
+    let heard = |track: Option<usize>| {
+        let file = SoundFile::read_track(&path, track, false, SILENT).unwrap();
+        let said = file.track.sentence().unwrap();
+        let samples = file.whole(SILENT).unwrap().samples;
+        assert!(samples.len().abs_diff(8000) < 40, "{}", samples.len());
+        let (low, high) = (fit(&samples, 440.0).0, fit(&samples, 1000.0).0);
+        (low > 20.0 * high, high > 20.0 * low, said)
+    };
+    let said =
+        |number: &str| format!("the file has 2 audio tracks, of which number {number} was taken");
+    assert_eq!(heard(None), (true, false, said("1")));
+    assert_eq!(heard(Some(1)), (true, false, said("1")));
+    assert_eq!(heard(Some(2)), (false, true, said("2")));
+    let track = AudioTrack {
+        number: 3,
+        count: 4,
+        language: Some("jpn".to_owned()),
+    };
+    assert!(
+        track
+            .sentence()
+            .unwrap()
+            .ends_with("number 3 (jpn) was taken")
+    );
+    for (name, number, expected) in [
+        ("two_tracks.m4a", 3, "expected 1 to 2, got 3"),
+        ("two_tracks.m4a", 0, "expected 1 to 2, got 0"),
+        ("tone.ogg", 2, "expected 1, the only one of the file, got 2"),
+    ] {
+        let read = SoundFile::read_track(&fixture(name), Some(number), false, SILENT);
+        let error = read.map(|file| file.track).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    assert_eq!(
+        SoundFile::read(&fixture("tone.ogg"), false, SILENT)
+            .unwrap()
+            .track
+            .sentence(),
+        None
+    );
+}
+
 /// Bytes of a fixture with a stretch replaced by zeros.
 fn with_hole(name: &str, from: f64, to: f64) -> Vec<u8> {
     let mut bytes = std::fs::read(fixture(name)).unwrap();

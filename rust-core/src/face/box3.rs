@@ -22,12 +22,17 @@ impl Box3 {
         std::array::from_fn(|i| 0.5 * (self.low[i] + self.high[i]))
     }
 
-    fn extents(&self) -> [f32; 3] {
+    pub(super) fn extents(&self) -> [f32; 3] {
         std::array::from_fn(|i| self.high[i] - self.low[i])
     }
 
     pub(super) fn largest(&self) -> f32 {
         self.extents().into_iter().fold(0.0, f32::max)
+    }
+
+    /// Whether the boxes have a point in common.
+    pub(super) fn meets(&self, other: &Box3) -> bool {
+        (0..3).all(|i| self.low[i] <= other.high[i] && other.low[i] <= self.high[i])
     }
 
     pub(super) fn smallest(&self) -> f32 {

@@ -10,6 +10,9 @@ use crate::{
 pub struct FaceOptions {
     /// Landmarks from the caller; `None` lets the library find them.
     pub landmarks: Option<LandmarkSource>,
+    /// The object of [`FaceOptions::parts`] on which the library looks for the face; `None` is the whole mesh. Where a file
+    /// has several heads, it says which one speaks.
+    pub head: Option<String>,
     /// Landmarks that stay where the caller puts them; the others follow.
     pub fixed: Vec<FixedLandmark>,
     /// The axis out of the face: +z in OBJ and glTF, −y in Blender. The library finds faces that
@@ -34,6 +37,7 @@ impl Default for FaceOptions {
     fn default() -> Self {
         FaceOptions {
             landmarks: None,
+            head: None,
             fixed: Vec::new(),
             forward: Axis::PosZ,
             up: Axis::PosY,

@@ -10,7 +10,7 @@ use crate::{
     Error, Result,
     job::{ProgressFn, SILENT},
     mesh::{
-        KnownLandmark, LandmarkFinder, LandmarkSource, Landmarks, Mesh,
+        KnownLandmark, LandmarkFinder, LandmarkPlace, LandmarkSource, Landmarks, Mesh,
         ibug::{INNER_LIPS, LANDMARKS},
         lips::{lip_of_landmark, lip_of_vertices},
         snap::{eye_distance, snap_to_surface},
@@ -54,13 +54,41 @@ pub fn locate_landmarks_with(
     let fixed = &options.fixed;
     let landmarks = match &options.landmarks {
         Some(landmarks) => caller_landmarks(mesh, landmarks)?,
-        None => return finder.find(mesh, options.forward, options.up, fixed, progress),
+        None => {
+            let axes = (options.forward, options.up);
+            return match &options.head {
+                None => finder.find(mesh, axes.0, axes.1, fixed, progress),
+                Some(name) => on_object(finder, (mesh, options), name, progress),
+            };
+        }
     };
     if fixed.is_empty() {
         Ok(landmarks)
     } else {
         finder.follow(mesh, &landmarks, fixed)
     }
+}
+
+/// The landmarks on an object of the mesh.
+fn on_object(
+    finder: &LandmarkFinder,
+    (mesh, options): (&Mesh, &FaceOptions),
+    name: &str,
+    progress: ProgressFn<'_>,
+) -> Result<Landmarks> {
+    let (object, vertices) = options.parts.names.object(mesh, name)?;
+    let mut fixed = options.fixed.clone();
+    for landmark in &mut fixed {
+        if let LandmarkPlace::Vertex(v) = landmark.place
+            && let Some(place) = mesh.positions.get(v as usize)
+        {
+            landmark.place = LandmarkPlace::Position(*place);
+        }
+    }
+    let (forward, up) = (options.forward, options.up);
+    let mut landmarks = finder.find(&object, forward, up, &fixed, progress)?;
+    landmarks.vertices = landmarks.vertices.map(|v| vertices[v as usize]);
+    Ok(landmarks)
 }
 
 /// Whether landmarks can be those of a mesh: its vertices exist, and all points lie near its

@@ -7,6 +7,7 @@ mod eye_parts;
 pub(crate) mod eyes;
 mod face_cache;
 mod face_options;
+mod heads;
 mod landmarks;
 pub(crate) mod lids;
 pub(crate) mod nearest;

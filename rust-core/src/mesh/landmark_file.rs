@@ -1,12 +1,14 @@
 //! Landmarks as JSON: writes one stable format of our own and reads three formats.
 //!
-//! The format that is written: `{"version": 1, "confidence": c, "mouth": "open" | "slit" |
+//! The format that is written: `{"version": 1, "confidence": c, "mesh": "digest", "mouth": "open" | "slit" |
 //! "welded", "landmarks": [{"index": 0, "position": [x, y, z], "vertex": n, "confidence": c}, …]}`.
-//! Positions are in the mesh's own units and axes. `mouth` is there only if the mesh was examined.
+//! Positions are in the mesh's own units and axes. `mesh` ([`Mesh::digest`]) is there only if the mesh is that of a
+//! file, `mouth` only if the mesh was examined.
 //!
 //! The formats that are read: this one, a plain list of 68 points `[[x, y, z], …]`, or a plain list
 //! of 68 vertex numbers. In the first, `vertex` and both `confidence` are optional, `position` is
-//! optional if `vertex` is given, and `mouth` is ignored. A landmark without `confidence` gets 1:
+//! optional if `vertex` is given, and `mouth` is ignored. `mesh` counts only for landmarks that lie beside a mesh
+//! ([`LandmarkSource::read_beside`]). A landmark without `confidence` gets 1:
 //! its writer is certain.
 
 use std::path::Path;
@@ -14,7 +16,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth, ibug::LANDMARKS,
+    FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mesh, Mouth,
+    ibug::LANDMARKS,
 };
 use crate::{
     Error, Result,
@@ -49,15 +52,20 @@ impl Landmarks {
 
     /// The JSON document, with one landmark per line.
     pub fn to_json(&self) -> String {
-        self.document(None)
+        self.document(&[])
     }
 
-    /// The JSON document, which also says how the lips meet.
-    pub fn to_json_with_mouth(&self, mouth: Mouth) -> String {
-        self.document(Some(mouth))
+    /// The JSON document beside the file of a mesh. It names the mesh, and says how the lips meet if
+    /// that is known. `mesh`: as it is read from the file.
+    pub fn to_json_of(&self, mesh: &Mesh, mouth: Option<Mouth>) -> String {
+        let mesh = [("mesh", mesh.digest())];
+        let mouth = mouth.map(|mouth| ("mouth", mouth.name().to_owned()));
+        let texts: Vec<_> = mesh.into_iter().chain(mouth).collect();
+        self.document(&texts)
     }
 
-    fn document(&self, mouth: Option<Mouth>) -> String {
+    /// `texts`: names and texts of further fields.
+    fn document(&self, texts: &[(&str, String)]) -> String {
         let lines: Vec<String> = (0..LANDMARKS)
             .map(|index| {
                 let entry = Entry {
@@ -71,11 +79,11 @@ impl Landmarks {
             .collect();
         let body = lines.join(",\n  ");
         let confidence = self.overall_confidence();
-        let mouth = mouth.map_or(String::new(), |m| {
-            format!(" \"mouth\": \"{}\",\n", m.name())
-        });
+        let fields = texts.iter();
+        let fields = fields.map(|(name, text)| format!(" \"{name}\": \"{text}\",\n"));
+        let fields: String = fields.collect();
         format!(
-            "{{\n \"version\": {VERSION},\n \"confidence\": {confidence},\n{mouth} \"landmarks\": \
+            "{{\n \"version\": {VERSION},\n \"confidence\": {confidence},\n{fields} \"landmarks\": \
              [\n  {body}\n ]\n}}\n"
         )
     }
@@ -94,6 +102,27 @@ impl LandmarkSource {
             }
             other => other,
         })
+    }
+
+    /// Reads the landmarks that lie beside a mesh, in any of the three formats.
+    ///
+    /// # Errors
+    /// As [`LandmarkSource::read`]; `InvalidInput` if the file names another mesh.
+    pub fn read_beside(path: &Path, mesh: &Mesh) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Named {
+            mesh: String,
+        }
+        let landmarks = Self::read(path)?;
+        let text = read_text(path, InputKind::Text)?;
+        match serde_json::from_str(&text) {
+            Ok(Named { mesh: other }) if other != mesh.digest() => {
+                Err(Error::InvalidInput(format!(
+                    "expected the landmarks of this mesh, got those of another one, whose digest is {other}"
+                )))
+            }
+            _ => Ok(landmarks),
+        }
     }
 
     /// Reads any of the three formats.
@@ -253,13 +282,45 @@ mod tests {
 
     #[test]
     fn the_document_says_how_sure_the_face_is_and_how_its_lips_meet() {
-        let text = landmarks().to_json_with_mouth(Mouth::Welded);
+        let text = landmarks().to_json_of(&triangle(), Some(Mouth::Welded));
         let value: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(value["mouth"], "welded");
         let confidence = value["confidence"].as_f64().unwrap() as f32;
         assert!((confidence - landmarks().overall_confidence()).abs() < 1e-6);
         let expected = LandmarkSource::from(&landmarks());
         assert_eq!(LandmarkSource::from_json(&text).unwrap(), expected);
+    }
+
+    fn triangle() -> Mesh {
+        Mesh {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+
+    #[test]
+    fn landmarks_beside_another_mesh_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.json");
+        let (mesh, expected) = (triangle(), LandmarkSource::from(&landmarks()));
+        std::fs::write(&path, landmarks().to_json_of(&mesh, None)).unwrap();
+        assert_eq!(LandmarkSource::read_beside(&path, &mesh).unwrap(), expected);
+        let (mut moved, mut turned) = (mesh.clone(), mesh.clone());
+        moved.positions[1][0] += 1e-6;
+        turned.triangles[0] = [0, 2, 1];
+        for other in [&moved, &turned] {
+            let error = LandmarkSource::read_beside(&path, other)
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(&mesh.digest()), "{error}");
+        }
+        assert_eq!(LandmarkSource::read(&path).unwrap(), expected);
+        // A file of another program names no mesh.
+        std::fs::write(&path, landmarks().to_json()).unwrap();
+        assert_eq!(
+            LandmarkSource::read_beside(&path, &moved).unwrap(),
+            expected
+        );
     }
 
     #[test]

@@ -36,12 +36,12 @@ pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
 pub use fixed::{FIVE_POINTS, FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
 pub(crate) use front_view::depth_at;
-pub(crate) use gltf::glb_chunks;
 pub use gltf::{GlbPart, GlbTarget, glb_parts, glb_targets};
+pub(crate) use gltf::{glb_chunks, glb_scalars, target_name};
 pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;
-pub use read::read_mesh_file;
+pub use read::{NamedMesh, read_mesh_file};
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
 pub(crate) use texture::texture_coordinates;
 pub use tree::{ClosestPlace, SurfaceTree};
@@ -110,6 +110,22 @@ impl From<&Landmarks> for LandmarkSource {
             confidence: known.confidence[n],
         };
         LandmarkSource::Known((0..LANDMARKS).map(landmark).collect())
+    }
+}
+
+impl Mesh {
+    /// A text of 32 hexadecimal digits that is the same for meshes with the same positions, to the bit, and the same
+    /// triangles, in the same order.
+    pub fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(self.positions.len() as u64).to_le_bytes());
+        for x in self.positions.as_flattened() {
+            hasher.update(&x.to_le_bytes());
+        }
+        for v in self.triangles.as_flattened() {
+            hasher.update(&v.to_le_bytes());
+        }
+        hasher.finalize().to_hex()[..32].to_owned()
     }
 }
 

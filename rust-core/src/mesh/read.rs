@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::{
-    Mesh,
+    Mesh, ObjectNames,
     foreign_formats::foreign_format,
-    gltf::{is_gltf_text, pack, parse_glb},
-    obj::parse_obj,
+    gltf::{GlbPart, is_gltf_text, pack, parse_glb},
+    obj::{obj_text, parse_obj},
     ply::parse_ply,
     polygons::triangulate,
 };
@@ -28,14 +28,66 @@ pub fn read_mesh_file(path: &Path) -> Result<Vec<u8>> {
     }
 }
 
+/// A mesh of a file, with the objects that its vertices belong to.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NamedMesh {
+    /// As [`Mesh::read`] returns it.
+    pub mesh: Mesh,
+    /// The names of its objects; none in a PLY.
+    pub names: ObjectNames,
+}
+
+impl NamedMesh {
+    /// Reads a mesh and the names of its objects from a file, once.
+    ///
+    /// # Errors
+    /// As [`Mesh::read`].
+    pub fn read(path: impl AsRef<Path>) -> Result<NamedMesh> {
+        let path = path.as_ref();
+        let bytes = read_mesh_file(path)?;
+        NamedMesh::parse(&bytes).map_err(in_file(path))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<NamedMesh> {
+        let (mesh, parts) = parse(bytes)?;
+        mesh.check()?;
+        let names = if bytes.starts_with(b"glTF") {
+            ObjectNames::of_glb(bytes, parts)?
+        } else if bytes.starts_with(b"ply") || bytes.contains(&0) {
+            ObjectNames::default()
+        } else {
+            ObjectNames::of_obj(&obj_text(bytes))
+        };
+        Ok(NamedMesh { mesh, names })
+    }
+}
+
+/// The mesh of a file in any format, and the parts of a GLB.
+fn parse(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
+    let alone = |mesh| (mesh, Vec::new());
+    guarded(Error::Mesh, || {
+        if bytes.starts_with(b"ply") {
+            parse_ply(bytes).map(alone)
+        } else if bytes.starts_with(b"glTF") {
+            with_triangles(parse_glb(bytes)?)
+        } else if is_gltf_text(bytes) {
+            with_triangles(parse_glb(&pack(bytes, None)?)?)
+        } else if let Some(refusal) = foreign_format(bytes) {
+            Err(Error::Mesh(refusal))
+        } else {
+            parse_obj(bytes).map(alone)
+        }
+    })
+}
+
 /// Refuses a scene that shows no mesh, such as an animation by itself.
-fn with_triangles(mesh: Mesh) -> Result<Mesh> {
+fn with_triangles((mesh, parts): (Mesh, Vec<GlbPart>)) -> Result<(Mesh, Vec<GlbPart>)> {
     if mesh.positions.is_empty() {
         let message = "glTF: expected a mesh, got a scene without one, perhaps a .vrma or an animation by itself; give the \
                        file that has the head";
         return Err(Error::Mesh(message.into()));
     }
-    Ok(mesh)
+    Ok((mesh, parts))
 }
 
 /// Names the file in an error about a mesh.
@@ -67,19 +119,7 @@ impl Mesh {
     /// # Errors
     /// `Mesh`, as [`Mesh::read`].
     pub fn parse(bytes: &[u8]) -> Result<Mesh> {
-        let mesh = guarded(Error::Mesh, || {
-            if bytes.starts_with(b"ply") {
-                parse_ply(bytes)
-            } else if bytes.starts_with(b"glTF") {
-                with_triangles(parse_glb(bytes)?)
-            } else if is_gltf_text(bytes) {
-                with_triangles(parse_glb(&pack(bytes, None)?)?)
-            } else if let Some(refusal) = foreign_format(bytes) {
-                Err(Error::Mesh(refusal))
-            } else {
-                parse_obj(bytes)
-            }
-        })?;
+        let (mesh, _) = parse(bytes)?;
         mesh.check()?;
         Ok(mesh)
     }

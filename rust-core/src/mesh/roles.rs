@@ -3,13 +3,12 @@
 use std::{
     collections::{BTreeMap, HashMap},
     fmt,
-    path::Path,
     str::FromStr,
 };
 
 use serde::{Deserialize, Serialize};
 
-use super::{Parts, glb_chunks, glb_parts, parts::NO_PART, read_mesh_file};
+use super::{GlbPart, Mesh, Parts, glb_chunks, parts::NO_PART};
 use crate::{Error, Result};
 
 /// How a part behaves when the face moves.
@@ -134,29 +133,11 @@ pub struct ObjectNames {
 }
 
 impl ObjectNames {
-    /// Reads the names from an OBJ or GLB file; a PLY has none.
-    ///
-    /// # Errors
-    /// `Io` if the file cannot be read, `Mesh` for a GLB that cannot be read.
-    pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
-        let path = path.as_ref();
-        let bytes = read_mesh_file(path)?;
-        if bytes.starts_with(b"glTF") {
-            return ObjectNames::of_glb(&bytes);
-        }
-        Ok(if bytes.starts_with(b"ply") || bytes.contains(&0) {
-            ObjectNames::default()
-        } else {
-            ObjectNames::of_obj(&super::obj_text(&bytes))
-        })
-    }
-
-    /// Reads the names from a GLB: those of its nodes, or of their meshes where a node has none.
+    /// The names in a GLB: those of its nodes, or of their meshes where a node has none. `parts`: its primitives.
     ///
     /// # Errors
     /// `Mesh` for a GLB that cannot be read.
-    pub fn of_glb(bytes: &[u8]) -> Result<ObjectNames> {
-        let parts = glb_parts(bytes)?;
+    pub(super) fn of_glb(bytes: &[u8], parts: Vec<GlbPart>) -> Result<ObjectNames> {
         let document: serde_json::Value = serde_json::from_slice(glb_chunks(bytes)?.0)
             .map_err(|e| Error::Mesh(format!("glTF: its description: {e}")))?;
         let mut out = ObjectNames {
@@ -232,6 +213,49 @@ impl ObjectNames {
                 *of_vertex = object;
             }
         }
+    }
+
+    /// The object of a vertex.
+    pub(crate) fn of(&self, vertex: usize) -> Option<&str> {
+        let object = self.of_vertex.get(vertex)?;
+        self.names.get(*object as usize).map(String::as_str)
+    }
+
+    /// The triangles of an object as a mesh, and the numbers of its vertices in the whole one.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a name that no object has.
+    pub(crate) fn object(&self, mesh: &Mesh, name: &str) -> Result<(Mesh, Vec<u32>)> {
+        let number = self.names.iter().position(|known| known == name);
+        let Some(number) = number.map(|number| number as u32) else {
+            let expected = if self.names.is_empty() {
+                "a mesh that names its objects".to_owned()
+            } else {
+                format!("one of {}", self.names.join(", "))
+            };
+            return Err(Error::InvalidInput(format!(
+                "head: expected {expected}, got {name:?}"
+            )));
+        };
+        let mut object = Mesh::default();
+        let mut vertices = Vec::new();
+        let mut places = vec![NO_PART; mesh.positions.len()];
+        for (v, _) in (0u32..)
+            .zip(&self.of_vertex)
+            .filter(|(_, of)| **of == number)
+        {
+            if let (Some(place), Some(position)) =
+                (places.get_mut(v as usize), mesh.positions.get(v as usize))
+            {
+                *place = vertices.len() as u32;
+                vertices.push(v);
+                object.positions.push(*position);
+            }
+        }
+        let triangles = mesh.triangles.iter().map(|t| t.map(|v| places[v as usize]));
+        object.triangles = triangles.filter(|t| !t.contains(&NO_PART)).collect();
+        object.check()?;
+        Ok((object, vertices))
     }
 
     /// For each part, the name of the object that has the most of its vertices.

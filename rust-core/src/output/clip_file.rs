@@ -13,7 +13,7 @@ use ndarray::ArrayView3;
 use super::{
     Format,
     cache::write_positions,
-    glb::write_glb,
+    glb::{has_eye_bones, write_glb},
     mdd,
     mesh_targets::{MeshTargets, with_file_targets},
     moved::{MAX_IN_MEMORY, Moved, SOLVED},
@@ -88,8 +88,10 @@ impl Beside {
             let basis = moved.into_basis(Targets::max_error(scene.landmarks), progress)?;
             let targets = Targets::of_basis(basis, scene.landmarks);
             return Ok(match scene.life {
-                Some(life) => targets.with_looks(&self.eyes, life),
-                None => targets,
+                Some(life) if !scene.glb().is_some_and(has_eye_bones) => {
+                    targets.with_looks(&self.eyes, life)
+                }
+                _ => targets,
             });
         };
         let (rig, file_targets) = with_file_targets(shapes.rig(), scene.source)?;

@@ -260,7 +260,9 @@ impl MeshTargets {
         let show = self.show_shapes();
         let in_file = places.filter(|(n, _)| show[*n]);
         let in_file = in_file.map(|(n, target)| ((target.mesh, target.number), n));
-        Ok(Targets::of_file(in_file.collect(), weights, moved.fps()))
+        let turn_eyes = self.names.iter().any(|name| name.starts_with("eyeLook"));
+        let time = (moved.fps(), turn_eyes);
+        Ok(Targets::of_file(in_file.collect(), weights, time))
     }
 
     /// All targets of the file `[N]`, in its order.

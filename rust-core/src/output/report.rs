@@ -47,6 +47,9 @@ pub struct Report {
     /// Lowest and mean confidence of the landmarks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub landmark_confidence: Option<[f32; 2]>,
+    /// The object that has the face, if the file has several heads or the caller chose one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub head: Option<String>,
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,

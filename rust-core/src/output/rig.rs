@@ -23,7 +23,7 @@ use crate::{
 /// `ShapeMismatch` if mesh and rig differ in their number of vertices, `Io` if the file cannot be
 /// written.
 pub fn write_rig(path: &Path, rig: &Rig, mesh: &Mesh) -> Result<()> {
-    check(rig, mesh)?;
+    rig.check_mesh(mesh)?;
     write_atomically(path, |file| {
         let mut archive = Archive::new(file);
         archive.names(&rig.names)?;
@@ -82,7 +82,7 @@ pub fn write_rig_folder(
     mesh: &Mesh,
     source: Option<&[u8]>,
 ) -> Result<()> {
-    check(rig, mesh)?;
+    rig.check_mesh(mesh)?;
     create_folder(folder)?;
     let text = source.map(obj_text);
     let write = |name: &str, delta: Option<ArrayView2<'_, f32>>| {
@@ -102,15 +102,19 @@ pub fn write_rig_folder(
     Ok(())
 }
 
-fn check(rig: &Rig, mesh: &Mesh) -> Result<()> {
-    if rig.deltas.dim().1 == mesh.positions.len() {
-        Ok(())
-    } else {
-        Err(Error::ShapeMismatch {
-            what: "mesh",
-            expected: format!("[{}, 3], the rig's vertices", rig.deltas.dim().1),
-            got: format!("[{}, 3]", mesh.positions.len()),
-        })
+impl Rig {
+    /// Refuses a mesh that the rig does not belong to, by its number of vertices.
+    pub(super) fn check_mesh(&self, mesh: &Mesh) -> Result<()> {
+        let (vertices, got) = (self.deltas.dim().1, mesh.positions.len());
+        if vertices == got {
+            Ok(())
+        } else {
+            Err(Error::ShapeMismatch {
+                what: "mesh",
+                expected: format!("[{vertices}, 3], the rig's vertices"),
+                got: format!("[{got}, 3]"),
+            })
+        }
     }
 }
 

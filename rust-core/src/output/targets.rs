@@ -17,7 +17,7 @@ use super::take_shapes::look_weights;
 use crate::{
     deform::compression::VertexBasis,
     face::Rig,
-    mesh::{canonical_landmarks, ibug::LANDMARKS},
+    mesh::{Landmarks, canonical_landmarks, ibug::LANDMARKS},
     motion::Life,
     rig::EyeLook,
 };
@@ -31,12 +31,26 @@ const MAX_LEFT_OUT_M: f32 = 2e-6;
 const LEAST_M: f32 = 2e-6;
 /// Outer corners of the eyes.
 const EYES: (usize, usize) = (36, 45);
+/// The tip of the nose, which only the skin of a face has.
+pub(super) const NOSE: usize = 30;
 
 /// One shape.
 pub(super) struct Target {
     pub name: String,
     /// Vertices with their displacements at weight 1, mesh units, ordered by vertex number.
     pub moved: Vec<(u32, [f32; 3])>,
+}
+
+impl Target {
+    /// The shape of a rig with this name; `None` if the rig lacks it.
+    fn of_rig(rig: &Rig, name: &str, landmarks: &[[f32; 3]; LANDMARKS]) -> Option<Target> {
+        let place = rig.names.iter().position(|known| known == name)?;
+        let shape = rig.deltas.index_axis(Axis(0), place);
+        Some(Target {
+            name: name.to_owned(),
+            moved: sparse(shape, 1.0, least_displacement(landmarks)),
+        })
+    }
 }
 
 /// A target of a file that has the name of one of our shapes.
@@ -63,6 +77,10 @@ pub(super) struct Targets {
     pub in_file: BTreeMap<(usize, usize), usize>,
     /// Those of them that move nothing yet and take the displacements of their shape.
     pub empty: BTreeSet<(usize, usize)>,
+    /// Whether targets of the file turn the eyes.
+    pub eyes_in_file: bool,
+    /// A vertex whose object gets every shape, also those that move nothing of it.
+    pub whole_at: Option<u32>,
 }
 
 impl Targets {
@@ -117,6 +135,8 @@ impl Targets {
             stand_alone: false,
             in_file: BTreeMap::new(),
             empty: BTreeSet::new(),
+            eyes_in_file: false,
+            whole_at: None,
         }
     }
 
@@ -143,14 +163,26 @@ impl Targets {
         names: impl IntoIterator<Item = &'a str>,
         landmarks: &[[f32; 3]; LANDMARKS],
     ) -> Targets {
-        let least = least_displacement(landmarks);
-        let shape = |name: &str| {
-            let place = rig.names.iter().position(|known| known == name)?;
-            let moved = sparse(rig.deltas.index_axis(Axis(0), place), 1.0, least);
-            let name = name.to_owned();
-            (!moved.is_empty()).then_some(Target { name, moved })
-        };
-        let shapes: Vec<Target> = names.into_iter().filter_map(shape).collect();
+        let shapes = names
+            .into_iter()
+            .filter_map(|name| Target::of_rig(rig, name, landmarks))
+            .filter(|shape| !shape.moved.is_empty());
+        Targets::at_rest(shapes.collect())
+    }
+
+    /// All shapes of a rig, without weights over time. The object with the skin gets also those that
+    /// move nothing, so that it has every name.
+    pub(super) fn of_whole_rig(rig: &Rig, landmarks: &Landmarks) -> Targets {
+        let names = rig.names.iter();
+        let shapes = names.filter_map(|name| Target::of_rig(rig, name, &landmarks.positions));
+        Targets {
+            whole_at: Some(landmarks.vertices[NOSE]),
+            ..Targets::at_rest(shapes.collect())
+        }
+    }
+
+    /// Shapes without weights over time.
+    pub(super) fn at_rest(shapes: Vec<Target>) -> Targets {
         Targets {
             weights: Arc::new(Array2::zeros((0, shapes.len()))),
             shapes,
@@ -158,6 +190,8 @@ impl Targets {
             stand_alone: true,
             in_file: BTreeMap::new(),
             empty: BTreeSet::new(),
+            eyes_in_file: false,
+            whole_at: None,
         }
     }
 
@@ -174,11 +208,22 @@ impl Targets {
         self
     }
 
+    /// Whether shapes turn the eyes, so that no bones have to.
+    pub(super) fn turn_eyes(&self) -> bool {
+        let looks = |shape: &Target| shape.name.starts_with("eyeLook");
+        self.eyes_in_file || self.shapes.iter().any(looks)
+    }
+
+    /// Whether a mesh of the file has any of these targets already.
+    pub(super) fn has_in_file(&self, mesh: usize) -> bool {
+        self.in_file.keys().any(|(of, _)| *of == mesh)
+    }
+
     /// Weights over time `[T, N]` for targets that the file of the mesh has already.
     pub(super) fn of_file(
         in_file: BTreeMap<(usize, usize), usize>,
         weights: Array2<f32>,
-        fps: f64,
+        (fps, eyes_in_file): (f64, bool),
     ) -> Targets {
         Targets {
             shapes: Vec::new(),
@@ -187,6 +232,8 @@ impl Targets {
             stand_alone: false,
             in_file,
             empty: BTreeSet::new(),
+            eyes_in_file,
+            whole_at: None,
         }
     }
 
@@ -245,7 +292,8 @@ pub(super) fn least_displacement(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     LEAST_M * units_per_metre(landmarks)
 }
 
-fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+/// Units of the mesh in a metre, by the distance between the eyes.
+pub(super) fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     eye_span(landmarks) / eye_span(canonical_landmarks())
 }
 

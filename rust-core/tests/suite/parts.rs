@@ -7,8 +7,8 @@ use anyface::{
     face::FaceOptions,
     job::SILENT,
     mesh::{
-        LandmarkSource, Mesh, ObjectNames, PartChoices, PartRole, PartSelector, RoleSource,
-        SurfaceTree, ibug::MIRROR,
+        LandmarkSource, Mesh, NamedMesh, ObjectNames, PartChoices, PartRole, PartSelector,
+        RoleSource, SurfaceTree, ibug::MIRROR,
     },
 };
 use ndarray::Array3;
@@ -20,11 +20,11 @@ use super::head::{
 use super::rim_crossing::{RimCrossing, rim_crossing};
 
 fn names() -> ObjectNames {
-    ObjectNames::read(concat!(
+    let head = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../weights/shared/default_head/head.obj"
-    ))
-    .unwrap()
+    );
+    NamedMesh::read(head).unwrap().names
 }
 
 fn chosen(selector: PartSelector, role: PartRole) -> PartChoices {

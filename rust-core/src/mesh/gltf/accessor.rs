@@ -212,6 +212,20 @@ impl<'a> Data<'a> {
         self.elements(number, 3 * size, [0.0; 3], element)
     }
 
+    /// Reads single numbers of any kind, such as the weights of targets over time.
+    pub(super) fn scalars(&self, number: usize) -> Result<Vec<f32>> {
+        let accessor = self.accessor(number)?;
+        let component = Component::of(accessor.component_type)?;
+        if accessor.kind != "SCALAR" {
+            return Err(refusal(format!(
+                "expected numbers of SCALAR, got {}",
+                accessor.kind
+            )));
+        }
+        let element = |bytes: &[u8]| component.number(bytes, accessor.normalized);
+        self.elements(number, component.size(), 0.0, element)
+    }
+
     /// Reads matrices of four columns.
     pub(super) fn matrices(&self, number: usize) -> Result<Vec<[[f32; 4]; 4]>> {
         let accessor = self.accessor(number)?;

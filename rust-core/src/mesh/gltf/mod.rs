@@ -24,6 +24,7 @@ use matrix::{IDENTITY, Matrix, apply, matrix, product};
 pub(super) use pack::{is_gltf_text, pack};
 use skin::{Blend, Skins};
 pub use targets::{GlbTarget, glb_targets};
+pub(crate) use targets::{glb_scalars, target_name};
 
 use super::Mesh;
 use crate::{Result, job::check_json};
@@ -105,8 +106,10 @@ impl GlbPart {
 ///
 /// A skinned mesh is moved by its joints as they stand at rest instead, as the format demands.
 /// Triangles, strips and fans are read, lines and points are skipped.
-pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
-    Ok(read(bytes)?.0)
+///
+/// Returns the primitives too, in the order of their vertices.
+pub(super) fn parse_glb(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
+    read(bytes)
 }
 
 /// The primitives of a GLB and their vertices in the mesh that [`Mesh::parse`] reads, in the order

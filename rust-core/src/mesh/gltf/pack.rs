@@ -245,7 +245,7 @@ mod tests {
         );
         assert_eq!(document["images"][1]["uri"], "lost.png");
         assert_eq!(&binary[40..46], b"pixels");
-        let mesh = super::super::parse_glb(&bytes).unwrap();
+        let (mesh, _) = super::super::parse_glb(&bytes).unwrap();
         assert_eq!(
             (mesh.positions[1], &mesh.triangles[..]),
             ([1.0, 0.0, 0.0], &[[2, 0, 1]][..])

@@ -1,5 +1,7 @@
 //! Reads the morph targets of a file.
 
+use std::collections::BTreeMap;
+
 use serde_json::Value;
 
 use super::{
@@ -36,7 +38,7 @@ pub fn glb_targets(bytes: &[u8]) -> Result<Vec<GlbTarget>> {
     let names: Value = serde_json::from_slice(json).map_err(wrong)?;
     let data = Data::new(&document, binary)?;
     let mut budget = SHOWN_AGAIN.saturating_add(bytes.len().saturating_mul(8));
-    let mut targets = std::collections::BTreeMap::<(usize, usize), GlbTarget>::new();
+    let mut targets = BTreeMap::<(usize, usize), GlbTarget>::new();
     for part in &parts {
         let primitive = &document.meshes[part.mesh].primitives[part.primitive];
         for (number, target) in primitive.targets.iter().enumerate() {
@@ -45,7 +47,7 @@ pub fn glb_targets(bytes: &[u8]) -> Result<Vec<GlbTarget>> {
                 .or_insert_with(|| GlbTarget {
                     mesh: part.mesh,
                     number,
-                    name: name(&names["meshes"][part.mesh], number),
+                    name: target_name(&names["meshes"][part.mesh], number),
                     moved: Vec::new(),
                 });
             if let Some(accessor) = target["POSITION"].as_u64().map(|n| n as usize) {
@@ -57,6 +59,22 @@ pub fn glb_targets(bytes: &[u8]) -> Result<Vec<GlbTarget>> {
         }
     }
     Ok(targets.into_values().collect())
+}
+
+/// The numbers of accessors of single numbers, such as the weights of targets over time.
+///
+/// # Errors
+/// `Mesh` if the bytes are not a readable GLB or have no such accessor.
+pub(crate) fn glb_scalars(
+    bytes: &[u8],
+    accessors: impl IntoIterator<Item = usize>,
+) -> Result<BTreeMap<usize, Vec<f32>>> {
+    let (json, binary) = glb_chunks(bytes)?;
+    let document: Document =
+        serde_json::from_slice(json).map_err(|e| refusal(format!("its description: {e}")))?;
+    let data = Data::new(&document, binary)?;
+    let read = |accessor: usize| Ok((accessor, data.scalars(accessor)?));
+    accessors.into_iter().map(read).collect()
 }
 
 /// The displacements of a part that are not zero, in the axes and units of the whole mesh.
@@ -83,7 +101,7 @@ fn moved(data: &Data<'_>, accessor: usize, part: &GlbPart) -> Result<Vec<(u32, [
 }
 
 /// The name of a target, from the extras of its mesh or of the mesh's first primitive.
-fn name(mesh: &Value, number: usize) -> String {
+pub(crate) fn target_name(mesh: &Value, number: usize) -> String {
     let of = |place: &Value| {
         place["extras"]["targetNames"][number]
             .as_str()

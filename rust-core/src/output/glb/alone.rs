@@ -54,6 +54,7 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
         bound: vec![Bound {
             node: 0,
             mesh: 0,
+            new: all.len(),
             targets: all.into_iter().map(|shape| (shape, shape)).collect(),
         }],
     })

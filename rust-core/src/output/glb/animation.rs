@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::buffer::Buffer;
 use crate::{
     Result,
+    motion::Life,
     output::{
         scene::{Scene, hinges},
         targets::Targets,
@@ -77,6 +78,11 @@ pub(super) fn weights(
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }
 
+/// Whether the head moves at all.
+pub(super) fn is_turning(life: &Life) -> bool {
+    life.head.iter().any(|x| *x != 0.0)
+}
+
 /// Nodes that rotate everything below them around the point between the jaw's hinges.
 ///
 /// Returns the rotating node, the node below it that undoes the offset, and the sampler of the
@@ -86,10 +92,7 @@ pub(super) fn head(
     times: usize,
     scene: &Scene<'_>,
 ) -> Result<Option<[Value; 3]>> {
-    let Some(life) = scene
-        .life
-        .filter(|life| life.head.iter().any(|x| *x != 0.0))
-    else {
+    let Some(life) = scene.life.filter(|life| is_turning(life)) else {
         return Ok(None);
     };
     let to_mesh = hinges(scene)?;

@@ -21,6 +21,8 @@ pub struct Bound {
     pub mesh: usize,
     /// Number of the target of each shape, by the number of the shape.
     pub targets: BTreeMap<usize, usize>,
+    /// How many of these targets are new, or had no displacements before.
+    pub new: usize,
 }
 
 /// Writes the file at `path`.

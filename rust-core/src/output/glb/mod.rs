@@ -6,16 +6,19 @@
 
 mod alone;
 mod animation;
+mod bones;
 mod buffer;
 mod bytes;
 mod document;
 mod layout;
 mod onto;
+mod weight_tracks;
 
 use std::{io::Write, path::Path};
 
 pub(super) use self::{
     animation::{Track, animation, times},
+    bones::has_eye_bones,
     buffer::Buffer,
     document::{Bound, Document, write_document},
 };

@@ -7,13 +7,15 @@ use serde_json::{Value, json};
 
 use super::{
     animation::{Track, WeightSource, animation, head, times, weights},
+    bones::{turn_eyes, turn_head},
     buffer::Buffer,
     bytes::Bytes,
     document::{Bound, Document},
+    weight_tracks::{Grown, widen},
 };
 use crate::{
     Error, Result,
-    mesh::{GlbPart, glb_chunks, glb_parts},
+    mesh::{GlbPart, glb_chunks, glb_parts, target_name},
     output::{
         scene::Scene,
         targets::{Target, Targets},
@@ -35,14 +37,16 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
         times: None,
         tracks: Vec::new(),
         bound: Vec::new(),
+        grown: Vec::new(),
     };
     let frames = targets.weights.nrows();
     if frames > 0 {
         file.times = Some(times(&mut file.buffer, frames, targets.fps)?);
     }
-    for (mesh, parts) in by_mesh(&parts)? {
-        file.bind(mesh, &parts)?;
+    for object in objects(&parts, targets)? {
+        file.bind(&object)?;
     }
+    widen(&mut file.document, (&mut file.buffer, source), &file.grown)?;
     file.animate(scene)?;
     let Extended {
         mut document,
@@ -142,34 +146,46 @@ struct Extended<'a> {
     times: Option<usize>,
     tracks: Vec<Track>,
     bound: Vec<Bound>,
+    grown: Vec<Grown>,
 }
 
 impl Extended<'_> {
-    /// Adds to a mesh the shapes that move it, as targets, and the track of all weights. A shape that
-    /// the mesh has as a target is not added again.
-    fn bind(&mut self, mesh: usize, parts: &[&GlbPart]) -> Result<()> {
-        let (node, targets) = (parts[0].node, self.targets);
+    /// Adds to an object the shapes that move it, as targets, and the track of all weights. A shape that
+    /// its mesh has as a target is not added again.
+    fn bind(&mut self, object: &Object<'_>) -> Result<()> {
+        let (parts, targets) = (&object.parts, self.targets);
         let mut shapes = targets_of(parts, targets);
-        if shapes.is_empty() && !targets.in_file.keys().any(|(of, _)| *of == mesh) {
+        if shapes.is_empty() && !targets.has_in_file(object.mesh) {
             return Ok(());
         }
+        let (node, mesh) = (object.node, self.mesh_of_its_own(object)?);
         let document = &self.document;
         let before = old_weights(&document["meshes"][mesh], &document["nodes"][node])?;
-        let column = |number: usize| targets.in_file.get(&(mesh, number)).copied();
+        let column = |number: usize| targets.in_file.get(&(object.mesh, number)).copied();
         let mut known: BTreeMap<usize, usize> = BTreeMap::new();
         for number in (0..before.len()).rev() {
             known.extend(column(number).map(|shape| (shape, number)));
         }
+        let mut new = 0;
         for shape in &shapes {
             if let Some(number) = known.get(shape)
-                && targets.empty.contains(&(mesh, *number))
+                && targets.empty.contains(&(object.mesh, *number))
+                && moves(&targets.shapes[*shape], parts)
             {
                 self.fill_target((mesh, *number), parts, *shape);
+                new += 1;
             }
         }
         shapes.retain(|shape| !known.contains_key(shape));
         if !shapes.is_empty() {
             self.add_targets(mesh, parts, &before, &shapes)?;
+            new += shapes.len();
+            self.grown.push(Grown {
+                node,
+                mesh,
+                before: before.len(),
+                added: shapes.len(),
+            });
         }
         if let Some(times) = self.times {
             let old = before.iter().enumerate().map(|(number, weight)| {
@@ -188,8 +204,25 @@ impl Extended<'_> {
             node,
             mesh,
             targets: known,
+            new,
         });
         Ok(())
+    }
+
+    /// The mesh of an object. If other objects show the same mesh, the object gets a copy that shares
+    /// its vertices, so that the others stay as they are.
+    fn mesh_of_its_own(&mut self, object: &Object<'_>) -> Result<usize> {
+        let nodes = self.document["nodes"].as_array().into_iter().flatten();
+        let shows = |node: &&Value| node["mesh"].as_u64() == Some(object.mesh as u64);
+        if nodes.filter(shows).count() < 2 {
+            return Ok(object.mesh);
+        }
+        let copy = self.document["meshes"][object.mesh].clone();
+        let meshes = list(&mut self.document, "meshes")?;
+        meshes.push(copy);
+        let number = meshes.len() - 1;
+        self.document["nodes"][object.node]["mesh"] = json!(number);
+        Ok(number)
     }
 
     /// Gives the displacements of a shape to a target that moves nothing.
@@ -230,11 +263,20 @@ impl Extended<'_> {
 
     /// Adds the rotation of the head, and an animation of all tracks.
     fn animate(&mut self, scene: &Scene<'_>) -> Result<()> {
-        let document = &mut self.document;
-        // In a file with bones, a node above everything would turn the whole body with the head.
-        if let Some(times) = self.times.filter(|_| document.get("skins").is_none()) {
-            let turns = turn_scene(document, &mut self.buffer, times, scene)?;
+        let (document, buffer) = (&mut self.document, &mut self.buffer);
+        if let Some(times) = self.times {
+            let faces: Vec<usize> = self.bound.iter().map(|bound| bound.node).collect();
+            let turns = match turn_head(document, (&mut *buffer, times), scene, &faces)? {
+                Some(bone) => Some(bone),
+                // In a file with bones, a node above everything would turn the whole body with the head.
+                None if document.get("skins").is_some() => None,
+                None => turn_scene(document, &mut *buffer, times, scene)?,
+            };
             self.tracks.extend(turns);
+            if !self.targets.turn_eyes() {
+                let eyes = turn_eyes(document, (buffer, times), scene)?;
+                self.tracks.extend(eyes);
+            }
         }
         if !self.tracks.is_empty() {
             let tracks = std::mem::take(&mut self.tracks);
@@ -268,31 +310,52 @@ fn list<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Vec<Value>> {
         .ok_or_else(|| wrong(format!("expected a list of {name}")))
 }
 
-/// The parts of each mesh. Every mesh must belong to a single node.
-fn by_mesh(parts: &[GlbPart]) -> Result<BTreeMap<usize, Vec<&GlbPart>>> {
-    let mut meshes: BTreeMap<usize, Vec<&GlbPart>> = BTreeMap::new();
+/// A node that shows a mesh.
+struct Object<'a> {
+    node: usize,
+    /// Its mesh in the file of the source.
+    mesh: usize,
+    parts: Vec<&'a GlbPart>,
+}
+
+/// The objects of the scene, in the order of their meshes. A mesh with targets that are driven must
+/// belong to a single node.
+fn objects<'a>(parts: &'a [GlbPart], targets: &Targets) -> Result<Vec<Object<'a>>> {
+    let mut all: BTreeMap<(usize, usize), Vec<&GlbPart>> = BTreeMap::new();
     for part in parts {
-        meshes.entry(part.mesh).or_default().push(part);
+        all.entry((part.mesh, part.node)).or_default().push(part);
     }
-    match meshes
-        .values()
-        .find(|parts| parts.iter().any(|part| part.node != parts[0].node))
-    {
-        None => Ok(meshes),
-        Some(parts) => Err(wrong(format!(
-            "expected each mesh at one node, got mesh {} at several, which would all speak; give the one that speaks a \
-             mesh of its own",
-            parts[0].mesh
+    let objects = all
+        .into_iter()
+        .map(|((mesh, node), parts)| Object { node, mesh, parts });
+    let objects: Vec<Object<'_>> = objects.collect();
+    let is_shared = |pair: &&[Object<'_>]| pair[0].mesh == pair[1].mesh;
+    let mut shared = objects.windows(2).filter(is_shared);
+    match shared.find(|pair| targets.has_in_file(pair[0].mesh)) {
+        None => Ok(objects),
+        Some(pair) => Err(wrong(format!(
+            "expected each mesh with morph targets at one node, got mesh {} at several, which would all speak; give \
+             the one that speaks a mesh of its own",
+            pair[0].mesh
         ))),
     }
 }
 
-/// Numbers of the shapes that move any vertex of these parts.
+/// Whether a shape moves any vertex of these parts.
+fn moves(shape: &Target, parts: &[&GlbPart]) -> bool {
+    parts.iter().any(|part| !within(shape, part).is_empty())
+}
+
+/// Numbers of the shapes that an object gets: those that move any of its vertices, or all.
 fn targets_of(parts: &[&GlbPart], targets: &Targets) -> Vec<usize> {
-    let moves = |shape: &Target| parts.iter().any(|part| !within(shape, part).is_empty());
+    let is_at = |vertex: u32| {
+        let holds = |part: &&GlbPart| part.vertices.contains(&(vertex as usize));
+        parts.iter().any(holds)
+    };
+    let gets_all = targets.whole_at.is_some_and(is_at);
     let shapes = targets.shapes.iter().enumerate();
     shapes
-        .filter(|(_, shape)| moves(shape))
+        .filter(|(_, shape)| gets_all || moves(shape, parts))
         .map(|(k, _)| k)
         .collect()
 }
@@ -353,6 +416,8 @@ fn name_targets(
     shapes: &[usize],
     targets: &Targets,
 ) -> Result<()> {
+    let known = (0..before).map(|number| json!(target_name(mesh, number)));
+    let known: Vec<Value> = known.collect();
     // The names need an object. If `extras` is another value, it moves into a new object.
     match mesh["extras"].take() {
         Value::Null => mesh["extras"] = json!({}),
@@ -360,10 +425,7 @@ fn name_targets(
         other => mesh["extras"] = json!({"extras": other}),
     }
     let names = list(&mut mesh["extras"], "targetNames")?;
-    for k in names.len()..before {
-        names.push(json!(format!("{k}")));
-    }
-    names.truncate(before);
+    *names = known;
     names.extend(shapes.iter().map(|&k| json!(targets.shapes[k].name)));
     Ok(())
 }

@@ -498,22 +498,211 @@ fn a_head_with_bones_is_not_turned_as_a_whole() {
     assert_eq!(json_of(&path)["scenes"][0]["nodes"], json!([0]));
 }
 
+/// The armature is turned and shrunk, the bone has a turn of its own.
 #[test]
-fn a_mesh_that_two_nodes_show_is_refused() {
+fn a_head_bone_turns_as_the_head_does_in_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let half = 0.5f32.sqrt();
+    let (above, rest) = ([half, 0.0, 0.0, half], [0.0, 0.6, 0.0, 0.8]);
+    let source = source(|document| {
+        *added(document, "nodes") = json!({"name": "Armature", "rotation": above, "scale": [0.01, 0.01, 0.01], "children": [3]});
+        *added(document, "nodes") =
+            json!({"name": "mixamorig:Head", "rotation": rest, "translation": [0.0, 3.0, 0.0]});
+        document["skins"] = json!([{"joints": [3]}]);
+        document["scenes"][0]["nodes"] = json!([0, 2]);
+        document["nodes"][1]["skin"] = json!(0);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let life = nodding();
+    write(&path, &mesh, &source, Some(&life)).unwrap();
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    assert_eq!(document.scenes().next().unwrap().nodes().count(), 2);
+    let channels = document
+        .animations()
+        .next()
+        .unwrap()
+        .channels()
+        .collect::<Vec<_>>();
+    let channel = channels
+        .iter()
+        .find(|channel| channel.target().node().index() == 3)
+        .unwrap();
+    let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+    let Some(ReadOutputs::Rotations(turns)) = reader.read_outputs() else {
+        panic!("expected rotations of the bone");
+    };
+    let quat = glam::Quat::from_array;
+    for (t, turn) in turns.into_f32().enumerate() {
+        let expected = glam::Quat::from_rotation_x(life.head[[t, 0]]) * quat(above) * quat(rest);
+        let got = quat(above) * quat(turn);
+        assert!(
+            got.angle_between(expected) < 1e-3,
+            "frame {t}: {got} {expected}"
+        );
+    }
+}
+
+/// The eyes look to the subject's left. Shapes that would turn them too are left out.
+#[test]
+fn eye_bones_turn_with_the_gaze_and_no_shape_does() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("talk.glb");
     let source = source(|document| {
-        let second = json!({"mesh": 0, "translation": [9.0, 0.0, 0.0]});
+        *added(document, "nodes") = json!({"name": "eye.R"});
+        *added(document, "nodes") =
+            json!({"name": "eye.L", "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.5, 0, 0, 1]});
+        document["skins"] = json!([{"joints": [2, 3]}]);
+        document["scenes"][0]["nodes"] = json!([0, 2, 3]);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let mut life = Life::still(FRAMES);
+    life.gaze[[3, 0, 0]] = 0.2;
+    life.gaze[[3, 1, 1]] = 0.1;
+    let look = EyeLook {
+        name: "eyeLookInRight",
+        moved: vec![(0, [0.01, 0.0, 0.0])],
+    };
+    let mut file = ClipFile::new(&path)
+        .unwrap()
+        .of_file(&source)
+        .with_eyes(vec![look]);
+    file.add_life(&life);
+    file.begin(&ClipStart {
+        mesh: &mesh,
+        landmarks: canonical_landmarks(),
+        frames: FRAMES,
+        fps: FPS,
+    })
+    .unwrap();
+    file.take(FrameBlock {
+        displacements: swing(6),
+        landmarks: Array3::zeros((FRAMES, 68, 3)),
+    })
+    .unwrap();
+    file.finish(SILENT).unwrap();
+    let names = json_of(&path)["meshes"][0]["extras"]["targetNames"].to_string();
+    assert!(!names.contains("eyeLook"), "{names}");
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let animation = document.animations().next().unwrap();
+    let turn = |node: usize| {
+        let mut channels = animation.channels();
+        let channel = channels
+            .find(|channel| channel.target().node().index() == node)
+            .unwrap();
+        let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+        match reader.read_outputs() {
+            Some(ReadOutputs::Rotations(turns)) => {
+                glam::Quat::from_array(turns.into_f32().nth(3).unwrap())
+            }
+            _ => panic!("expected rotations of node {node}"),
+        }
+    };
+    let sight = glam::Vec3::Z;
+    assert!((turn(2) * sight).distance(glam::vec3(0.2f32.sin(), 0.0, 0.2f32.cos())) < 1e-3);
+    assert!((turn(3) * sight).distance(glam::vec3(0.0, 0.1f32.sin(), 0.1f32.cos())) < 1e-3);
+    assert_eq!(
+        json_of(&path)["nodes"][3]["translation"],
+        json!([0.5, 0.0, 0.0])
+    );
+}
+
+/// A node far away shows the same mesh, and only the first one speaks.
+#[test]
+fn a_mesh_that_two_nodes_show_speaks_where_it_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        let second = json!({"mesh": 0, "translation": [9.0, 0.0, 0.0], "weights": [0.5]});
         document["nodes"].as_array_mut().unwrap().push(second);
         document["scenes"][0]["nodes"] = json!([0, 2]);
     });
     let mesh = Mesh::parse(&source).unwrap();
-    let error = write(&path, &mesh, &source, None).unwrap_err();
-    assert!(
-        matches!(&error, Error::InvalidInput(m) if m.contains("at several")),
-        "{error}"
+    write(&path, &mesh, &source, None).unwrap();
+    let json = json_of(&path);
+    assert_eq!(
+        (&json["nodes"][1]["mesh"], &json["nodes"][2]["mesh"]),
+        (&json!(1), &json!(0))
     );
-    assert!(!path.exists());
+    let count = |mesh: usize| {
+        json["meshes"][mesh]["primitives"][0]["targets"]
+            .as_array()
+            .map_or(0, Vec::len)
+    };
+    assert!(count(1) > count(0), "{} {}", count(1), count(0));
+    assert_eq!(json["nodes"][2]["weights"], json!([0.5]));
+    assert_eq!(
+        json["animations"][0]["channels"].as_array().unwrap().len(),
+        1
+    );
+}
+
+/// Two channels share a sampler, but only one of their meshes gets more targets.
+#[test]
+fn animations_of_a_grown_mesh_get_a_weight_for_each_new_target() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        let numbers: Vec<u8> = [0.0f32, 1.0, 0.25, 0.75]
+            .iter()
+            .flat_map(|x| x.to_le_bytes())
+            .collect();
+        let uri = format!(
+            "data:application/octet-stream;base64,{}",
+            STANDARD.encode(&numbers)
+        );
+        *added(document, "buffers") = json!({"byteLength": 16, "uri": uri});
+        *added(document, "bufferViews") = json!({"buffer": 1, "byteLength": 16});
+        let floats = |at: usize| json!({"bufferView": 2, "byteOffset": at, "componentType": 5126, "count": 2, "type": "SCALAR"});
+        *added(document, "accessors") = floats(0);
+        *added(document, "accessors") = floats(8);
+        let still = document["meshes"][0].clone();
+        *added(document, "meshes") = still;
+        *added(document, "nodes") = json!({"mesh": 1, "translation": [9.0, 0.0, 0.0]});
+        document["scenes"][0]["nodes"] = json!([0, 2]);
+        let channel = |target: Value| json!({"sampler": 0, "target": target});
+        let pointer = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": "/meshes/0/weights"}}});
+        document["animations"] = json!([{
+            "channels": [
+                channel(json!({"node": 2, "path": "weights"})), channel(json!({"node": 1, "path": "weights"})),
+                channel(pointer),
+            ],
+            "samplers": [{"input": 4, "output": 5, "interpolation": "STEP"}],
+        }]);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    write(&path, &mesh, &source, None).unwrap();
+    let json = json_of(&path);
+    let old = &json["animations"][0];
+    let samplers: Vec<_> = old["channels"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| c["sampler"].as_u64())
+        .collect();
+    assert_eq!(samplers, [Some(0), Some(1), Some(1)]);
+    assert_eq!(
+        old["samplers"][0],
+        json!({"input": 4, "output": 5, "interpolation": "STEP"})
+    );
+    assert_eq!(
+        (
+            &old["samplers"][1]["input"],
+            &old["samplers"][1]["interpolation"]
+        ),
+        (&json!(4), &json!("STEP"))
+    );
+    let bytes = std::fs::read(&path).unwrap();
+    let output = old["samplers"][1]["output"].as_u64().unwrap() as usize;
+    let weights = &crate::mesh::glb_scalars(&bytes, [output]).unwrap()[&output];
+    let targets = json["meshes"][0]["primitives"][0]["targets"]
+        .as_array()
+        .unwrap()
+        .len();
+    let mut expected = vec![0.0; 2 * targets];
+    (expected[0], expected[targets]) = (0.25, 0.75);
+    assert!(targets > 1);
+    assert_eq!(*weights, expected);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::{
-    expressions::{expressions, shapes_of_expressions},
+    expressions::{Existing, expressions, shapes_of_expressions},
     new_groups, old_groups,
     skeleton::skeleton,
 };
@@ -45,14 +45,7 @@ pub fn write_avatar(
     (mesh, landmarks): (&Mesh, &Landmarks),
     source: Option<&[u8]>,
 ) -> Result<Vec<String>> {
-    let vertices = rig.deltas.dim().1;
-    if vertices != mesh.positions.len() {
-        return Err(Error::ShapeMismatch {
-            what: "mesh",
-            expected: format!("[{vertices}, 3], the rig's vertices"),
-            got: format!("[{}, 3]", mesh.positions.len()),
-        });
-    }
+    rig.check_mesh(mesh)?;
     let scene = Scene {
         mesh,
         landmarks: &landmarks.positions,
@@ -76,23 +69,39 @@ pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Docume
     let targets = Targets::of_rig(&rig, shapes_of_expressions(), scene.landmarks);
     let targets = targets.on_file_targets(&file_targets);
     let mut avatar = document(scene, &targets)?;
+    let extensions = &avatar.json["extensions"];
+    if !extensions["VRMC_vrm"].is_object() && !extensions["VRM"].is_object() {
+        stand_on_bones(&mut avatar.json, scene, name)?;
+    }
+    let replaced = add_expressions(&mut avatar, &targets, Existing::Replace)?;
+    Ok((avatar, replaced))
+}
+
+/// Adds expressions that move the targets of a document, if it is an avatar of VRM 1.0 or VRM 0. Returns
+/// the names of those that were replaced.
+///
+/// # Errors
+/// `InvalidInput` if the expressions of the avatar are none.
+pub(crate) fn add_expressions(
+    avatar: &mut Document,
+    targets: &Targets,
+    existing: Existing,
+) -> Result<Vec<String>> {
     let place = |shape: &str| {
         targets
             .shapes
             .iter()
-            .position(|target| target.name == shape)
+            .position(|target| target.name == shape && !target.moved.is_empty())
     };
     let expressions = expressions(|shape| place(shape).is_some());
     let extensions = &avatar.json["extensions"];
-    let replaced = if extensions["VRMC_vrm"].is_object() {
-        new_groups::add(&mut avatar, &expressions, place)?
+    if extensions["VRMC_vrm"].is_object() {
+        new_groups::add(avatar, (&expressions, existing), place)
     } else if extensions["VRM"].is_object() {
-        old_groups::add(&mut avatar, &expressions, place)?
+        old_groups::add(avatar, (&expressions, existing), place)
     } else {
-        stand_on_bones(&mut avatar.json, scene, name)?;
-        new_groups::add(&mut avatar, &expressions, place)?
-    };
-    Ok((avatar, replaced))
+        Ok(Vec::new())
+    }
 }
 
 /// Puts all nodes of the scene below the head bone of the smallest skeleton that VRM 1.0 allows.

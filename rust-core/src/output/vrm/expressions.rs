@@ -5,6 +5,15 @@ use crate::{
     rig::ARKIT,
 };
 
+/// What becomes of an expression that the avatar has already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Existing {
+    /// The new one takes its place.
+    Replace,
+    /// It stays. If it moves and colours nothing, it moves the shapes of the new one.
+    Keep,
+}
+
 /// An expression.
 pub(super) struct Expression {
     pub name: String,

@@ -14,7 +14,9 @@ mod skeleton;
 
 pub use animation::VrmNames;
 pub(super) use animation::{VrmWeights, write_vrm_animation};
+pub(super) use avatar::add_expressions;
 pub use avatar::write_avatar;
+pub(super) use expressions::Existing;
 
 #[cfg(test)]
 mod tests;

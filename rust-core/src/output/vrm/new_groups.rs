@@ -2,18 +2,28 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{expressions::Expression, skeleton::eyes_from_head};
+use super::{
+    expressions::{Existing, Expression},
+    skeleton::eyes_from_head,
+};
 use crate::{
     Error, Result,
     output::glb::{Bound, Document},
     rig::parts::GAZE_DEGREES,
 };
 
+/// The lists of an expression that say what it changes.
+const BINDS: [&str; 3] = [
+    "morphTargetBinds",
+    "materialColorBinds",
+    "textureTransformBinds",
+];
+
 /// Adds the expressions. `place`: the number of a shape among the targets. Returns the names of the
 /// expressions that were replaced.
 pub(super) fn add(
     avatar: &mut Document,
-    expressions: &[Expression],
+    (expressions, existing): (&[Expression], Existing),
     place: impl Fn(&str) -> Option<usize>,
 ) -> Result<Vec<String>> {
     let vrm = &mut avatar.json["extensions"]["VRMC_vrm"];
@@ -29,10 +39,24 @@ pub(super) fn add(
             new[other] = json!("block");
         }
         let group = object(object(vrm, "expressions")?, kind)?;
-        let before = group
-            .as_object_mut()
-            .and_then(|group| group.insert(expression.name.clone(), new));
-        replaced.extend(before.map(|_| expression.name.clone()));
+        let Some(group) = group.as_object_mut() else {
+            continue;
+        };
+        match group.get_mut(&expression.name) {
+            Some(old) if existing == Existing::Keep && old.is_object() => {
+                let changes = |list: &&str| old[list].as_array().is_some_and(|all| !all.is_empty());
+                if !BINDS.iter().any(changes) {
+                    old[BINDS[0]] = new[BINDS[0]].take();
+                }
+            }
+            Some(old) => {
+                *old = new;
+                replaced.push(expression.name.clone());
+            }
+            None => {
+                group.insert(expression.name.clone(), new);
+            }
+        }
     }
     if vrm["lookAt"].is_null() && expressions.iter().any(|known| known.name == "lookUp") {
         let [up, down, inward, outward] = GAZE_DEGREES;

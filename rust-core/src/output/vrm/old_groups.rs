@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::expressions::{Expression, perfect_sync};
+use super::expressions::{Existing, Expression, perfect_sync};
 use crate::{Error, Result, output::glb::Document};
 
 /// VRM 0's preset name for a group that is none of its presets.
@@ -12,7 +12,7 @@ const OWN: &str = "unknown";
 /// groups that were replaced.
 pub(super) fn add(
     avatar: &mut Document,
-    expressions: &[Expression],
+    (expressions, existing): (&[Expression], Existing),
     place: impl Fn(&str) -> Option<usize>,
 ) -> Result<Vec<String>> {
     let master = &mut avatar.json["extensions"]["VRM"]["blendShapeMaster"];
@@ -43,6 +43,13 @@ pub(super) fn add(
             "materialValues": [], "isBinary": false,
         });
         match groups.iter_mut().find(|group| is_same(group, &new)) {
+            Some(group) if existing == Existing::Keep => {
+                let changes =
+                    |list: &&str| group[list].as_array().is_some_and(|all| !all.is_empty());
+                if !["binds", "materialValues"].iter().any(changes) {
+                    group["binds"] = new["binds"].clone();
+                }
+            }
             Some(group) => {
                 replaced.push(group["name"].as_str().unwrap_or(preset).to_owned());
                 *group = new;

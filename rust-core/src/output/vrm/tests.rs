@@ -6,9 +6,9 @@ use crate::{
     Error, Result,
     face::Rig,
     job::SILENT,
-    mesh::{Mesh, canonical_landmarks, glb_chunks},
+    mesh::{Landmarks, Mesh, canonical_landmarks, glb_chunks},
     motion::Life,
-    output::{ClipFile, TakeShapes, glb::Document, scene::Scene},
+    output::{ClipFile, TakeShapes, glb::Document, rig_glb::with_shapes, scene::Scene},
     rig::{ARKIT, VISEMES},
     spread::{ClipStart, FrameBlock, FrameSink},
 };
@@ -221,6 +221,73 @@ fn a_vrm_keeps_all_that_is_not_a_new_expression() {
         }
     }
     assert_eq!(before, after);
+}
+
+/// The GLB with all shapes of the rig.
+fn shaped(mesh: &Mesh, rig: &Rig, source: &[u8]) -> Document {
+    let landmarks = Landmarks {
+        positions: *canonical_landmarks(),
+        vertices: [0; 68],
+        confidence: [1.0; 68],
+    };
+    let scene = Scene {
+        mesh,
+        landmarks: &landmarks.positions,
+        life: None,
+        source: Some(source),
+        sound: None,
+    };
+    with_shapes(rig, &scene, &landmarks).unwrap()
+}
+
+#[test]
+fn an_avatar_that_gets_shapes_keeps_the_expressions_that_it_has() {
+    let (mesh, rig) = face();
+    let own = json!([{"node": 0, "index": 0, "weight": 1.0}]);
+    let red = json!([{"material": 0, "type": "color", "targetValue": [1.0, 0.0, 0.0, 1.0]}]);
+    let source = glb(&mesh, |json| {
+        json["skins"] = json!([{"joints": [0]}]);
+        json["extensions"] = json!({"VRMC_vrm": {"expressions": {
+            "preset": {
+                "aa": {"morphTargetBinds": own}, "ih": {"morphTargetBinds": [], "isBinary": true},
+                "ou": {"materialColorBinds": red},
+            },
+            "custom": {"JawOpen": {"morphTargetBinds": own}},
+        }}});
+    });
+    let json = shaped(&mesh, &rig, &source).json;
+    let expressions = &json["extensions"]["VRMC_vrm"]["expressions"];
+    let preset = &expressions["preset"];
+    assert_eq!(preset["aa"], json!({"morphTargetBinds": own}));
+    assert_eq!(moved(&json, &preset["ih"]), [("viseme_I", 1.0)]);
+    assert_eq!(preset["ih"]["isBinary"], true);
+    assert_eq!(preset["ou"], json!({"materialColorBinds": red}));
+    assert_eq!(moved(&json, &preset["oh"]), [("viseme_O", 1.0)]);
+    assert_eq!(
+        expressions["custom"]["JawOpen"],
+        json!({"morphTargetBinds": own})
+    );
+    let smile = &expressions["custom"]["MouthSmileLeft"];
+    assert_eq!(moved(&json, smile), [("mouthSmileLeft", 1.0)]);
+
+    let source = glb(&mesh, |json| {
+        let group = |preset: &str, binds: Value| json!({"name": preset, "presetName": preset, "binds": binds});
+        let own = json!([{"mesh": 0, "index": 0, "weight": 100.0}]);
+        let groups = [group("a", own), group("i", json!([]))];
+        json["extensions"] = json!({"VRM": {"blendShapeMaster": {"blendShapeGroups": groups}}});
+    });
+    let json = shaped(&mesh, &rig, &source).json;
+    let groups = &json["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"];
+    assert_eq!(groups.as_array().unwrap().len(), 17 + 52);
+    assert_eq!(
+        groups[0]["binds"],
+        json!([{"mesh": 0, "index": 0, "weight": 100.0}])
+    );
+    let vowel = groups[1]["binds"][0]["index"].as_u64().unwrap() as usize;
+    assert_eq!(
+        json["meshes"][0]["extras"]["targetNames"][vowel],
+        "viseme_I"
+    );
 }
 
 #[test]
