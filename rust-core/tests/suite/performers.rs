@@ -61,7 +61,11 @@ fn every_system_shows_its_own_performers_and_no_others() {
             generated: None,
             frame_weights: None,
         };
-        let performer = Arc::new(engine.learn_performer(&[take.clone()], SILENT).unwrap());
+        let performer = Arc::new(
+            engine
+                .learn_performer(std::slice::from_ref(&take), SILENT)
+                .unwrap(),
+        );
         let with = |performer: &Arc<_>, strength: f32| MotionRequest {
             performer: Some(Arc::clone(performer)),
             performer_strength: strength,

@@ -5,7 +5,7 @@
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
 
 use super::{
-    AspectScore, LearnedTake, Performer, PerformerCard, VERSION, add_row,
+    AspectScore, LearnedTake, Performer, PerformerCard, VERSION, add_row, aim,
     read_out::{ReadOut, mean_row},
 };
 use crate::{
@@ -70,8 +70,8 @@ pub struct Lesson {
 ///
 /// # Errors
 /// `InvalidInput` for takes that are too short, whose face is still, says something else or drifts against the
-/// sound, that equal what the model does, of which some were corrected and others not, and if the result would follow the person no better than the model's
-/// speaker does.
+/// sound, that equal what the model does, of which some were corrected and others not, and if the result would follow
+/// the person no better than the model's speaker does.
 pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Performer> {
     let corrects = check_kind(&lessons)?;
     let prepared = lessons
@@ -89,6 +89,14 @@ pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Perfor
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     let (left, ridge, predicted) = best.expect("there are ridges to choose from");
     check_gain(&all, left, corrects)?;
+    // A correction stays as large as it is.
+    let (all, predicted) = if corrects {
+        (all, predicted)
+    } else {
+        let all = aimed(all, &prepared, &folds, ridge);
+        let predicted = folds.predicted(&all, ridge);
+        (all, predicted)
+    };
     let read_out = all.fit(ridge);
     Ok(Performer {
         card: PerformerCard {
@@ -105,6 +113,28 @@ pub fn learn(system: &str, encoder: &str, lessons: Vec<Lesson>) -> Result<Perfor
         read_out,
         live: None,
     })
+}
+
+/// The rows with a difference by which the fit moves as far as the person.
+fn aimed(mut all: Rows, takes: &[Prepared], folds: &Folds, ridge: f64) -> Rows {
+    let stack = |of: fn(&Prepared) -> &LandmarkClip| {
+        let parts: Vec<_> = takes.iter().map(|take| spoken(of(take))).collect();
+        let parts: Vec<_> = parts.iter().map(|part| part.view()).collect();
+        concatenate(Axis(0), &parts).expect("takes have the same landmarks")
+    };
+    let (model, person) = (stack(|take| &take.model), stack(|take| &take.captured));
+    let lengths: Vec<usize> = takes.iter().map(|take| take.features.nrows()).collect();
+    let added = aim::beyond(&person, &lengths, |added| {
+        let further = Rows {
+            difference: &all.difference + added,
+            features: all.features.clone(),
+            frame_weights: all.frame_weights.clone(),
+            seconds: all.seconds,
+        };
+        &model + &folds.predicted(&further, ridge)
+    });
+    all.difference += &added;
+    all
 }
 
 /// Whether the takes were corrected, all or none.

@@ -4,6 +4,7 @@
 //! person's face by ridge regression (Hoerl and Kennard 1970), so fifteen seconds are enough and nothing
 //! of the model is trained.
 
+mod aim;
 mod learn;
 mod read_out;
 
