@@ -5,10 +5,12 @@
 `--runs` holds the trainings of `training.systems.freetalk.strangers`. From 6 or 15 s of a speaker's face a
 performer is learned as the library does it (`rust-core/src/motion/performer`): a ridge regression from the
 ear's features to what the speaker's mouth does beyond the model's own speaker, its strength chosen on parts
-left out. It is measured on the speaker's other clips, before contacts.
+left out, and aimed so far beyond the speaker that parts left out move as far. It is measured on the
+speaker's other clips, before contacts.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +33,8 @@ SECONDS = (0, 6, 15)
 RIDGES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """Per second of sound."""
 FOLDS, PART_S = 5, 2.0
+DIRECTIONS, FURTHEST, LEAST_R, ROUNDS = 8, 2.0, 0.3, 2
+"""Of the aim, as `rust-core/src/motion/performer/aim.rs` has them."""
 DRAWS = 20
 """How often the clips to learn from are drawn anew."""
 SPOKEN = sorted({*range(17), *JAW, *LIPS})
@@ -93,18 +97,39 @@ def learn(clips: list[Said]) -> tuple[Tensor, Tensor, Tensor]:
     part = torch.cat([torch.arange(len(x)) // int(PART_S * FPS) + 10 * i for i, x in enumerate(differences)])
     fold = torch.unique(part, return_inverse=True)[1] % FOLDS
 
-    def missed(ridge: float) -> float:
-        total = 0.0
+    def predicted(aim: Tensor, ridge: float) -> Tensor:
+        guess = torch.zeros_like(aim)
         for out in fold.unique():
             inside = fold != out
             seconds = float(inside.sum()) / FPS
-            mean, weights, offset = fit(features[inside], values[inside], ridge * seconds)
-            guess = (features[~inside] - mean) @ weights + offset
-            total += float((values[~inside] - guess).square().sum())
-        return total
+            mean, weights, offset = fit(features[inside], aim[inside], ridge * seconds)
+            guess[~inside] = (features[~inside] - mean) @ weights + offset
+        return guess
 
-    best = min(RIDGES, key=missed)
-    return fit(features, values, best * len(values) / FPS)
+    best = min(RIDGES, key=lambda ridge: float((values - predicted(values, ridge)).square().sum()))
+    aim = values + beyond(clips, lambda added: predicted(values + added, best))
+    return fit(features, aim, best * len(values) / FPS)
+
+
+def beyond(clips: list[Said], predicted: Callable[[Tensor], Tensor]) -> Tensor:
+    """What of the speaker's motion is to be added to the aim [T, N]: see `aim.rs`."""
+    lengths = [len(clip.person) for clip in clips]
+
+    def centred(rows: Tensor) -> Tensor:
+        return torch.cat([part - part.mean(0) for part in rows.split(lengths)])
+
+    person = centred(torch.cat([clip.person[:, columns()] for clip in clips]))
+    model = torch.cat([clip.model[:, columns()] for clip in clips])
+    directions = torch.linalg.eigh((person.T @ person).double())[1].flip(1)[:, :DIRECTIONS].float()
+    along = person @ directions
+    aims, added = torch.ones(along.shape[1]), torch.zeros_like(person)
+    for _ in range(ROUNDS):
+        left_out = centred(model + predicted(added)) @ directions
+        own, other = along.square().sum(0).sqrt(), left_out.square().sum(0).sqrt().clamp(min=1e-12)
+        r = (along * left_out).sum(0) / (own * other).clamp(min=1e-12)
+        aims = torch.where(r > LEAST_R, (aims * own / other).clamp(1.0, FURTHEST), torch.ones(1))
+        added = (along * (aims - 1)) @ directions.T
+    return added
 
 
 def apply(performer: tuple[Tensor, Tensor, Tensor], clip: Said) -> Tensor:
