@@ -120,8 +120,11 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     before, middle, many = film(ob, subframes), film(ob, [70]), count_keys(ob)
     ob.anyface.seed = 5
     assert bpy.ops.anyface.redo() == {"FINISHED"}, ob.anyface.report
-    # Named keys move farther than mixtures and against each other, so rounding at cuts shows more.
-    assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.06
+    # Named keys move farther than mixtures and against each other: in single frames rounding shows more.
+    after = film(ob, subframes)
+    apart = np.abs(after - before).max(axis=(1, 2))
+    assert np.median(apart) < 1e-5
+    assert farthest_mm(addon, ob, after, before) < 0.15
     assert np.abs(film(ob, [70]) - middle).max() > 1e-4
     # The redo adds keys at the cuts at both ends, and for the new motion.
     assert count_keys(ob) < 1.8 * many

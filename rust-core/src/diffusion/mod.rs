@@ -9,7 +9,10 @@ mod noise;
 mod schedule;
 
 pub(crate) use ddim::{Ddim, Spacing};
-pub(crate) use guidance::{guided, mask_guided};
+#[cfg(any(feature = "cafe-talk", feature = "facetalk"))]
+pub(crate) use guidance::guided;
+#[cfg(feature = "cafe-talk")]
+pub(crate) use guidance::mask_guided;
 pub use noise::frame_noise;
 pub(crate) use noise::slow_noise;
 pub(crate) use schedule::Schedule;

@@ -70,7 +70,6 @@ pub use live_closures::{CLOSURES_MODEL, LiveClosures};
 pub use performer::Performer;
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
-#[cfg(any(feature = "emoface", feature = "facetalk"))]
 pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
