@@ -120,7 +120,7 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     before, middle, many = film(ob, subframes), film(ob, [70]), count_keys(ob)
     ob.anyface.seed = 5
     assert bpy.ops.anyface.redo() == {"FINISHED"}, ob.anyface.report
-    # Named keys move farther than mixtures and against each other: in single frames rounding shows more.
+    # Named keys move farther than mixtures and against each other; in few frames rounding shows.
     after = film(ob, subframes)
     apart = np.abs(after - before).max(axis=(1, 2))
     assert np.median(apart) < 1e-5
