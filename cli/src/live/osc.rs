@@ -79,22 +79,16 @@ impl AddressPattern {
     fn weights(&self, frame: &Frame, shown: Shown) -> Vec<(String, f32)> {
         let shapes = ARKIT.into_iter().zip(frame.shapes);
         let shapes = shapes.filter(|(name, _)| shown.has(name));
-        let visemes = VISEMES.into_iter().zip(frame.visemes);
-        match self.spelling {
-            Spelling::Plain => {
-                let all = shapes.chain(visemes);
-                all.map(|(name, w)| (self.address(name), w)).collect()
-            }
-            Spelling::Capital => {
-                let all = shapes.chain(visemes);
-                all.map(|(name, w)| (self.address(&capital(name)), w))
-                    .collect()
-            }
-            Spelling::Unified => {
-                let all = unified(frame, shown).into_iter();
-                all.map(|(name, w)| (self.address(&name), w)).collect()
-            }
-        }
+        let plain = shapes.chain(VISEMES.into_iter().zip(frame.visemes));
+        let named: Vec<(String, f32)> = match self.spelling {
+            Spelling::Plain => plain.map(|(name, w)| (name.to_owned(), w)).collect(),
+            Spelling::Capital => plain.map(|(name, w)| (capital(name), w)).collect(),
+            Spelling::Unified => unified(frame, shown),
+        };
+        let addresses = named.into_iter();
+        addresses
+            .map(|(name, w)| (self.address(&name), w))
+            .collect()
     }
 }
 

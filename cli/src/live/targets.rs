@@ -154,12 +154,8 @@ impl Targets {
             console.note(&format!("sending {name}"));
         }
         if let Some(own) = &self.own {
-            let count = own
-                .values(
-                    |_| 0.0,
-                    |shape| self.shown.has(shape) || VISEMES.contains(&shape),
-                )
-                .len();
+            let values = own.values(|_| 0.0, |name| counts(name, self.shown));
+            let count = values.len();
             console.note(&format!(
                 "driving {count} targets, named as by {}",
                 own.tool()
@@ -228,13 +224,18 @@ fn line(frame: &Frame, own: Option<&TargetNames>, shown: Shown) -> String {
                 frame.shape(name)
             }
         };
-        let values = own.values(weight, |name| shown.has(name) || VISEMES.contains(&name));
+        let values = own.values(weight, |name| counts(name, shown));
         value["targets"] = values
             .iter()
             .map(|(name, value)| entry((name, *value)))
             .collect();
     }
     value.to_string()
+}
+
+/// Whether a shape or viseme moves the targets of a file.
+fn counts(name: &str, shown: Shown) -> bool {
+    shown.has(name) || VISEMES.contains(&name)
 }
 
 fn entry((name, weight): (&&str, f32)) -> (String, Value) {

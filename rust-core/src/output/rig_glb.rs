@@ -50,8 +50,8 @@ pub struct ShapedObject {
 /// `source`: the bytes of the file that the mesh was read from. All else in a GLB or VRM stays: bones, skins,
 /// materials, pictures, animations, other meshes and targets. The object with the skin gets every
 /// shape, also those that move nothing of it. An object that lies in the face, such as teeth, lashes and eyes, or
-/// that is sewn to skin that moves, such as a neck, gets those that move it. A shape that an object has already stays. In a VRM, expressions that move
-/// nothing yet move the shapes. A mesh that came from no GLB gets a new one.
+/// that is sewn to skin that moves, such as a neck, gets those that move it. A shape that an object has already stays.
+/// In a VRM, expressions that move nothing yet move the shapes. A mesh that came from no GLB gets a new one.
 ///
 /// Returns the objects with shapes.
 ///
