@@ -71,21 +71,19 @@ class Engine(
         cache: Path | None = None,
         system: str = "",
         weights: Path | None = None,
-        emotion_model: Path | None = None,
     ):
         """Loads the models of `system`; the default is the first system.
 
         `cache` is the folder for results that depend only on a mesh; without it the user's own
-        cache folder is used. `weights` is a folder of model files that replace the built-in ones,
-        `emotion_model` the folder of Whisper base, which hears the emotion of a voice. Raises
-        `AnyfaceError`.
+        cache folder is used. `weights` is a folder of model files that replace the built-in ones.
+        Raises `AnyfaceError`.
         """
         self._library = load(library_path())
         self._models: _Models | None = None
         self.models = weights
         description = systems.find(system, systems.read(self._library))
         self._description, self._sliders_offered = description, description.sliders
-        folders = {"cache": cache, "weights_dir": weights, "emotion_model_dir": emotion_model}
+        folders = {"cache": cache, "weights_dir": weights}
         with ExitStack() as handles:
             request = self._own(handles, "request", "anyface_request_new")
             count = number_of("threads", threads)

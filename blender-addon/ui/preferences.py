@@ -34,13 +34,6 @@ class AnyfacePreferences(AddonPreferences):
         subtype="DIR_PATH",
     )
 
-    emotion_model: StringProperty(
-        name="Emotion Model",
-        description="Folder of Whisper base (openai/whisper-base of Hugging Face), which hears "
-        "the emotion From the Voice; empty uses the built-in model",
-        subtype="DIR_PATH",
-    )
-
     performer_folder: StringProperty(
         name="Performer Folder",
         description="Folder of performers, such as one that a studio shares; empty uses a folder "
@@ -77,7 +70,6 @@ class AnyfacePreferences(AddonPreferences):
     def draw(self, context):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
-        self.layout.prop(self, "emotion_model", placeholder="Built-In")
         self.layout.prop(self, "performer_folder", placeholder="The Extension's")
         self.layout.prop(self, "microphone", placeholder="System's Choice")
         self.layout.prop(self, "look_ahead")
@@ -122,12 +114,6 @@ def usual_folder() -> str:
 def model_folder(scene) -> Path | None:
     """The folder of the models for `scene`; None for the built-in ones."""
     folder = scene.anyface.model_folder or usual_folder()
-    return Path(bpy.path.abspath(folder)) if folder else None
-
-
-def emotion_model() -> Path | None:
-    """The folder of Whisper base, which hears emotions; None for the built-in model."""
-    folder = _stored("emotion_model", "")
     return Path(bpy.path.abspath(folder)) if folder else None
 
 

@@ -35,13 +35,10 @@ def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
     takes those of the current scene.
     """
     models = Path(folder) if folder else preferences.model_folder(bpy.context.scene)
-    emotions = preferences.emotion_model()
-    key = system, models, model_card.changed_ns(models) if models else 0, emotions
+    key = system, models, model_card.changed_ns(models) if models else 0
     if key not in _engines:
         threads, cache = preferences.threads(), preferences.cache_folder()
-        _engines[key] = LazyEngine(
-            lambda: native.Engine(threads, cache, system, models, emotions), models
-        )
+        _engines[key] = LazyEngine(lambda: native.Engine(threads, cache, system, models), models)
     return _engines[key]
 
 

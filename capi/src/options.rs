@@ -63,13 +63,6 @@ pub(crate) static OPTIONS: &[NamedOption] = &[
         },
     },
     NamedOption {
-        name: "emotion_model_dir",
-        set: |options, value| {
-            options.engine.emotion_model = value.text()?.map(PathBuf::from);
-            Ok(())
-        },
-    },
-    NamedOption {
         name: "cache",
         set: |options, value| {
             options.engine.cache = match value.text()? {

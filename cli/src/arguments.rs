@@ -44,10 +44,6 @@ pub struct SharedArgs {
     /// replaces the built-in one
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<InputPath>,
-    /// Folder of Whisper base (openai/whisper-base), which recognises the emotion of the voice for
-    /// `auto`, instead of the built-in model
-    #[arg(long, global = true, value_name = "DIR")]
-    emotion_model: Option<InputPath>,
     /// Folder that stores the work for each mesh between runs [default: the user's cache folder]
     #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
     cache: Option<CachePath>,
@@ -108,7 +104,6 @@ impl SharedArgs {
             },
             threads: self.threads,
             speech: self.speech.as_deref().map(Path::to_path_buf),
-            emotion_model: self.emotion_model.as_deref().map(Path::to_path_buf),
         }
     }
 }

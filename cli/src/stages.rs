@@ -342,6 +342,8 @@ pub fn lids_sentence(face: &Face) -> Option<String> {
 
 /// Least probability of an emotion that gets a line in the summary.
 const LIKELY: f64 = 0.25;
+/// A face that shows less than this share shows nothing that anybody sees.
+const LITTLE: f64 = 0.05;
 /// Characters that draw a line of the summary, from low to high.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 /// The most characters in such a line.
@@ -372,10 +374,14 @@ fn heard_lines(heard: &HeardEmotion) -> Vec<String> {
     lines.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut lines: Vec<String> = lines.into_iter().map(|(_, line)| line).collect();
     let shown = heard.intensity.iter().copied().fold(0.0, f64::max);
-    lines.push(format!(
-        "  the face shows up to {:.0} % of what is heard",
-        100.0 * shown
-    ));
+    lines.push(if shown < LITTLE {
+        "  nothing of it is sure enough to show: the voice is heard as neutral".into()
+    } else {
+        format!(
+            "  the face shows up to {:.0} % of what is heard",
+            100.0 * shown
+        )
+    });
     lines
 }
 

@@ -2,8 +2,8 @@
 
 A small network over log-mels and pitch predicts Whisper's middle layers for the two seconds. The 118 numbers
 of `training.systems.emoface.emotion_encoder` are joined to its outputs. A linear layer turns both into logits
-of the emotions. `training.speech.train_emotion_ear` trains it. Instants and windows are the same as for the
-118 numbers.
+of the emotions. `training.speech.train_emotion_ear` fits it. Live faces use this ear. Instants and windows
+are the same as for the 118 numbers.
 """
 
 from dataclasses import dataclass, field
@@ -43,14 +43,6 @@ LARGEST = 6.0
 """The layer's inputs are clipped at this many standard deviations."""
 EVERY = 2
 """Over time the ear uses only every second instant, one each 320 ms."""
-LEAST_VOICED, FULLY_VOICED = 0.1, 0.3
-"""Share of pitched frames up to which a window weighs 0, and share from which it counts in full."""
-QUIET, SILENT_NEPERS = 2.0, 3.5
-"""Nepers of power under the loudest window. A window beyond the first loses weight. Beyond the second it has
-none.
-"""
-HALF_BELIEVED = 12.0
-"""Total weight of a speaker's neutral windows at which `neutral_offset` reaches half of its full size."""
 
 
 @dataclass
@@ -129,7 +121,8 @@ ARRAYS = ("mean", "scale", "weight", "bias", "readers")
 class EmotionLayer:
     """Logistic regression over rows of R numbers: `mean`, `scale` [R], `weight` [R, 7], `bias` [7].
 
-    `readers` [R] is the mean row of neutral readers, to which a speaker's neutral voice is moved.
+    `readers` [R] is the mean row of neutral readers, to which a speaker's neutral voice is moved
+    (`rust-core/src/speech/emotion_ear/neutral_voice.rs`).
     """
 
     mean: np.ndarray
@@ -152,12 +145,6 @@ def layer_arrays(state: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
     return {name: state[name].double().numpy() for name in ARRAYS}
 
 
-def read_layer(folder: Path) -> EmotionLayer:
-    """The layer of a model folder, without the network that may lie beside it."""
-    _, state = read_model(folder)
-    return EmotionLayer(**layer_arrays(state))
-
-
 @dataclass
 class EmotionEar(EmotionLayer):
     """The layer over the network's outputs and the 118 numbers, R = told + 118."""
@@ -165,9 +152,9 @@ class EmotionEar(EmotionLayer):
     config: EmotionEarConfig
     net: EmotionEarNet
 
-    def hear(self, voice: Voice, offset: np.ndarray | float = 0.0) -> np.ndarray:
-        """Logits at each instant of a voice, [I, 7]; `offset` comes from `neutral_offset`."""
-        return self.logits(rows_of(self.net, voice) + offset)
+    def hear(self, voice: Voice) -> np.ndarray:
+        """Logits at each instant of a voice, [I, 7]."""
+        return self.logits(rows_of(self.net, voice))
 
 
 def read_ear(folder: Path) -> EmotionEar:
@@ -176,37 +163,6 @@ def read_ear(folder: Path) -> EmotionEar:
     net = EmotionEarNet(EmotionEarConfig.from_json(config))
     restored(net, {name: value for name, value in state.items() if name not in ARRAYS})
     return EmotionEar(**layer_arrays(state), config=net.config, net=net)
-
-
-def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:
-    """Offset to add to a speaker's rows, [told + 118]: from the mean of his neutral voice to that of readers.
-
-    `rows` [I, told + 118] and `weight` [I] are those of his neutral voice. The less neutral voice there is,
-    the smaller the offset.
-    """
-    total = weight.sum()
-    return (readers - weight @ rows / total) * (total / (total + HALF_BELIEVED))
-
-
-def neutral_voice(net: EmotionEarNet, voice: Voice) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [I, told + 118] and weights [I] of a recording, at every second instant."""
-    ends = instants(len(voice.mel))[::EVERY]
-    rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in ends]
-    return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS), window_weights(voice)
-
-
-def window_weights(voice: Voice) -> np.ndarray:
-    """Weights of the windows at every second instant, [I], 0 to 1: less for little or quiet voice."""
-    loud, share = [], []
-    for end in instants(len(voice.mel))[::EVERY]:
-        part = slice(max(end - WINDOW, 0), end)
-        level = voice.mel[part].mean(axis=1)
-        loud.append(np.quantile(level, LOUD_SHARE))
-        voiced = (level > loud[-1] - ACTIVE_NEPERS) & (voice.periodic[part] > PERIODIC)
-        full = (voiced.mean() - LEAST_VOICED) / (FULLY_VOICED - LEAST_VOICED)
-        share.append(np.clip(full, 0.0, 1.0) * len(level) / WINDOW)
-    under = np.max(loud, initial=-np.inf) - np.array(loud) - QUIET
-    return np.array(share) * (1.0 - under / (SILENT_NEPERS - QUIET)).clip(0.0, 1.0)
 
 
 @torch.no_grad()

@@ -6,21 +6,13 @@ import numpy as np
 import torch
 
 from training.goldens import write_golden
-from training.speech.emotion_ear import (
-    ARRAYS,
-    EmotionEar,
-    EmotionEarConfig,
-    EmotionEarNet,
-    neutral_offset,
-    neutral_voice,
-)
+from training.speech.emotion_ear import ARRAYS, EmotionEar, EmotionEarConfig, EmotionEarNet
 from training.systems.emoface.emotion_encoder import NUMBERS, numbers, voice_of
 from training.systems.emoface.golden_emotion_encoder import made_voice
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant, and `relative_logits` [I, 7], which
-    are relative to the neutral voice in `neutral` [40000]. `shared` is not used."""
+    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant. `shared` is not used."""
     torch.manual_seed(31)
     random = np.random.default_rng(31)
     samples = made_voice()
@@ -39,9 +31,6 @@ def write(out: Path, shared: Path) -> Path:
     for name in ARRAYS:
         setattr(ear, name, getattr(ear, name).astype(np.float32).astype(np.float64))
     tensors = {f"weights.{name}": torch.from_numpy(x).float() for name, x in ear.arrays().items()}
-    neutral = samples[8000:].copy()
-    offset = neutral_offset(*neutral_voice(net, voice_of(neutral)), ear.readers)
-    arrays = {"samples": samples, "neutral": neutral, "logits": ear.hear(voice),
-              "relative_logits": ear.hear(voice, offset)}  # fmt: skip
+    arrays = {"samples": samples, "logits": ear.hear(voice)}
     tensors |= {name: torch.from_numpy(x).float() for name, x in arrays.items()}
     return write_golden(out / "emotion_ear_debug.safetensors", tensors, "emotion_ear", net, config.to_json())

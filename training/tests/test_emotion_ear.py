@@ -1,30 +1,20 @@
 """The ear for emotion: what it hears, how it learns, and that the recording's source says nothing."""
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-import soundfile
 import torch
 
-from training import shipped
-from training.corpus.emodb import SOURCE
 from training.nn.checkpoint import write_model
 from training.speech.distil_emotion import cut, directions, moved, pooled
 from training.speech.emotion_ear import (
     ARRAYS,
-    HALF_BELIEVED,
     EmotionEarConfig,
     EmotionEarNet,
     inputs_of,
-    neutral_offset,
-    neutral_voice,
     read_ear,
-    read_layer,
     rows_of,
 )
-from training.speech.neutral_voice import RECORDINGS, recordings, shown_of
-from training.speech.train_emotion_ear import Rows, fitted
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, NUMBERS, instants, voice_of
 from training.systems.emoface.golden_emotion_encoder import made_voice
 
@@ -72,74 +62,13 @@ def test_the_first_directions_are_those_of_emotions():
     assert pooled([torch.ones(2, 5, 3)]).shape == (2, 9)
 
 
-def rows_of_strangers(random: np.random.Generator) -> Rows:
-    """Actors of one kind of recording who feel along axes 0 to 6, readers of another that axis 9 tells."""
-    rows = object.__new__(Rows)
-    size, count = SMALL.told + NUMBERS, 140
-    label = np.arange(count) % len(HEARD_EMOTIONS)
-    actors = 0.5 * random.standard_normal((count, size))
-    actors[np.arange(count), label] += 4.0
-    actors[:, 9] += 6.0
-    readers = 0.5 * random.standard_normal((60, size))
-    readers[:, 0] += 4.0
-    rows.x = np.concatenate([actors, readers])
-    rows.label = np.concatenate([label, np.zeros(60, int)])
-    rows.source = np.array([SOURCE] * count + ["picovoice_en"] * 60)
-    rows.speaker = np.array([f"{k % 4}" for k in range(count)] + ["reader"] * 60)
-    rows.held_out = np.zeros(len(rows.x), bool)
-    rows.actor_rows, rows.readers = np.arange(count), np.arange(count, count + 60)
-    return rows
-
-
-def test_an_emotion_is_known_in_another_kind_of_recording():
-    random = np.random.default_rng(0)
-    rows = rows_of_strangers(random)
-    ear = fitted(rows, rows.actor_rows)
-    stranger = 0.5 * random.standard_normal((70, rows.x.shape[1]))
-    label = np.arange(70) % len(HEARD_EMOTIONS)
-    stranger[np.arange(70), label] += 4.0
-    assert (ear.logits(stranger).argmax(axis=1) == label).mean() > 0.9
-
-
-def test_a_neutral_voice_is_moved_to_that_of_readers_the_more_of_it_there_is():
-    random = np.random.default_rng(0)
-    rows, readers = random.standard_normal((5, 9)) + 3.0, np.zeros(9)
-    weight = np.array([1.0, 1.0, 0.0, 1.0, 1.0])
-    offset = neutral_offset(rows, weight, readers)
-    assert np.allclose(offset, -rows[weight > 0].mean(axis=0) * 4.0 / (4.0 + HALF_BELIEVED))
-    much = neutral_offset(np.tile(rows, (50, 1)), np.tile(weight, 50), readers)
-    assert (np.abs(much) > np.abs(offset)).all()
-    voice = voice_of(made_voice())
-    heard, share = neutral_voice(EmotionEarNet(SMALL).eval(), voice)
-    assert heard.shape == (len(share), SMALL.told + NUMBERS) and len(share) == 4 + 3
-    assert ((share >= 0.0) & (share <= 1.0)).all() and share.max() > 0.3
-
-
-def test_an_ear_keeps_the_mean_voice_of_readers():
-    rows = rows_of_strangers(np.random.default_rng(0))
-    ear = fitted(rows, rows.actor_rows)
-    assert np.allclose(ear.readers, rows.neutral_voices().mean(axis=0)) and "readers" in ear.arrays()
-
-
 def test_an_ear_is_read_as_it_was_written(tmp_path: Path):
     torch.manual_seed(0)
-    rows = rows_of_strangers(np.random.default_rng(0))
-    layer, net = fitted(rows, rows.actor_rows), EmotionEarNet(SMALL).eval()
-    arrays = {name: torch.from_numpy(x).float() for name, x in layer.arrays().items()}
+    net, size = EmotionEarNet(SMALL).eval(), SMALL.told + NUMBERS
+    shapes = {"weight": (size, len(HEARD_EMOTIONS)), "bias": (len(HEARD_EMOTIONS),)}
+    arrays = {name: torch.randn(shapes.get(name, (size,))) for name in ARRAYS}
     write_model(tmp_path, arrays | net.state_dict(), SMALL.to_json(), exact=("",))
     ear = read_ear(tmp_path)
     assert all(np.array_equal(x.numpy(), getattr(ear, name)) for name, x in arrays.items())
-    assert all(np.array_equal(getattr(read_layer(tmp_path), name), getattr(ear, name)) for name in ARRAYS)
     voice = voice_of(made_voice())
     assert np.array_equal(rows_of(net, voice), rows_of(ear.net, voice))
-
-
-def test_recordings_of_each_folder_are_counted(tmp_path: Path):
-    for folder, _, _ in RECORDINGS:
-        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
-        soundfile.write(tmp_path / folder / "one.wav", made_voice(), 16000)
-    ear = read_ear(shipped("emotion_ear"))
-    lines = list(recordings(tmp_path, partial(shown_of, ear)))
-    assert len(lines) == len(RECORDINGS) and all(" of 1 are shown" in line for line in lines)
-    always = list(recordings(tmp_path, lambda samples: (0.5, 1)))
-    assert always[0] == "motion/grid_s1/audio: 1 of 1 are shown one as angry 0.50"

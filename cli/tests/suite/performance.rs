@@ -308,16 +308,6 @@ fn landmarks_of_the_default_head_are_found_and_written() {
 }
 
 #[test]
-fn a_whisper_that_is_not_there_is_refused() {
-    refused(
-        &folder_with_sound(&babble(1.0, 16_000), 16_000),
-        "motion --audio a.wav --emotion auto --emotion-model nowhere --out m.npz",
-        8,
-        "nowhere",
-    );
-}
-
-#[test]
 fn a_performer_moves_the_mouth_as_that_person_does() {
     let folder = folder_with_sound(&babble(8.0, 16_000), 16_000);
     let said = "motion --audio a.wav --emotion off --fps 25 --noise 0 --out";

@@ -52,7 +52,7 @@ impl Engine {
     ) -> Result<SpeechFeatures> {
         let mut heard = SpeechFeatures::of(waveform, self.encoder.get()?, progress)?;
         heard.phones = Some(Arc::clone(self.shared.phone_model.get()?));
-        heard.ear = Some(Arc::clone(self.shared.ear.get()?));
+        heard.ear = self.shared.whisper_ear.get().ok().map(Arc::clone);
         Ok(heard)
     }
 }

@@ -63,9 +63,6 @@ pub struct EngineOptions {
     /// option, a system whose config names `hubert` or `wav2vec2` takes the folder of that name
     /// among the models.
     pub speech: Option<PathBuf>,
-    /// A Hugging Face folder with Whisper base, which replaces the built-in ear wherever the emotion
-    /// is taken from the voice.
-    pub emotion_model: Option<PathBuf>,
 }
 
 impl Default for EngineOptions {
@@ -76,7 +73,6 @@ impl Default for EngineOptions {
             cache: CachePolicy::UserFolder,
             threads: None,
             speech: None,
-            emotion_model: None,
         }
     }
 }
@@ -124,10 +120,10 @@ struct SharedModels {
     finder: LandmarkFinder,
     /// Moves the lids when the eyes look up or down.
     face_modes: FaceModes,
-    /// Hears emotions in a voice.
+    /// Hears emotions in a live voice.
     ear: Opened<Arc<EmotionEar>>,
-    /// Whisper base from the user's folder, which hears emotions instead of `ear`.
-    whisper_ear: Option<WhisperEar>,
+    /// Hears emotions in a recording.
+    whisper_ear: Opened<Arc<WhisperEar>>,
     /// Hears phones, which say when lips touch.
     phone_model: Opened<Arc<PhoneModel>>,
     /// Identifies the models in the cache entries of a mesh.
@@ -135,7 +131,7 @@ struct SharedModels {
 }
 
 impl SharedModels {
-    fn open(folder: Option<&Path>, emotion_model: Option<&Path>) -> Result<Self> {
+    fn open(folder: Option<&Path>) -> Result<Self> {
         Ok(SharedModels {
             static_weights: StaticWeights::open(folder)?,
             creases: Creases::open(folder)?,
@@ -144,10 +140,9 @@ impl SharedModels {
             ear: Opened::of(&speech::EMOTION_EAR, folder, || {
                 EmotionEar::open(folder).map(Arc::new)
             })?,
-            whisper_ear: match emotion_model {
-                Some(model) => Some(WhisperEar::open(model, folder)?),
-                None => None,
-            },
+            whisper_ear: Opened::of(&speech::EMOTION_OF_WHISPER, folder, || {
+                WhisperEar::open(folder).map(Arc::new)
+            })?,
             phone_model: Opened::of(&PHONE_MODEL, folder, || {
                 PhoneModel::open(folder).map(Arc::new)
             })?,
@@ -185,7 +180,7 @@ impl Engine {
     /// unknown system, a number of threads out of range, or a cache folder that holds files of others.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
-        let folders = [&options.models, &options.speech, &options.emotion_model];
+        let folders = [&options.models, &options.speech];
         if folders.iter().any(|folder| folder.is_some()) {
             // Nobody has checked files from elsewhere. Their sizes may cause anything, even a
             // panic.
@@ -216,12 +211,11 @@ impl Engine {
         }
         let registration = Registration::find(options.system.as_deref())?;
         let checkpoint = options.speech.as_deref();
-        let emotion_model = options.emotion_model.as_deref();
         // The ear takes as long as everything else: most of it goes into gzip, on one thread a file.
         let (ear, (system, shared)) = rayon::join(
             || checkpoint.is_none().then(|| speech::ear(folder)),
             || {
-                let shared = || SharedModels::open(folder, emotion_model);
+                let shared = || SharedModels::open(folder);
                 rayon::join(|| (registration.open)(folder), shared)
             },
         );

@@ -12,7 +12,7 @@ use crate::{
         Control, ControlCurve, ControlStage, EmotionCurve, Event, emotion_from_voice, turn_eyes,
     },
     face::Face,
-    job::{ProgressFn, report},
+    job::{ProgressFn, SILENT, report},
     motion::{
         ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, Life, LifeStrengths, Motion,
         MotionRequest, Stretch, TONGUE, begin_in, begin_tongue_in,
@@ -65,8 +65,8 @@ impl Performance {
         self.request.articulation()
     }
 
-    /// How likely each emotion is in the voice over time, as the built-in ear or the user's Whisper
-    /// hears it. `None` if the motion did not need the built-in ear.
+    /// How likely each emotion is over time, in the voice or in the other recording whose emotion the
+    /// face shows, with the seconds of that recording. `None` if the motion did not need it.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
         self.heard.heard_before()
     }
@@ -80,7 +80,7 @@ impl Performance {
     /// `InvalidInput` for a request out of range.
     pub fn again(&self, engine: &Engine, request: &MotionRequest) -> Result<Performance> {
         engine.check(request)?;
-        let request = engine.resolved(request, &self.heard);
+        let request = engine.resolved(request, &self.heard, SILENT)?;
         let (sampled, heard) = (self.sampled.clone(), Arc::clone(&self.heard));
         engine.threads(|| engine.finished(sampled, heard, request))
     }
@@ -177,16 +177,11 @@ impl Engine {
             if let Some(script) = &request.script {
                 heard.follow(script)?;
             }
-            if self.system.description().keeps_sound {
-                heard.voice = heard.voice.with_sound(waveform);
-            }
-            if let Some(ear) = &self.shared.whisper_ear {
-                let neutral = heard.neutral_voice.as_ref();
-                let emotion = ear.heard(waveform, &heard.voice, neutral, progress)?;
-                heard.hear_emotion(emotion);
+            if let Some(other) = &request.emotion_of {
+                heard.hear_other(other, progress)?;
             }
             report(progress, "speech", 1.0)?;
-            let request = self.resolved(request, &heard);
+            let request = self.resolved(request, &heard, progress)?;
             let sampled = self.system.sample(&heard, &request, progress)?;
             self.finished(sampled, Arc::new(heard), request)
         })
@@ -201,10 +196,8 @@ impl Engine {
         let Some(voice) = &request.neutral_voice else {
             return Ok(None);
         };
-        match (&self.shared.whisper_ear, voice.sound()) {
-            (Some(ear), Some(sound)) => ear.neutral_voice(sound, voice, progress).map(Some),
-            _ => self.shared.ear.get()?.neutral_voice(voice).map(Some),
-        }
+        let ear = self.shared.whisper_ear.get()?;
+        ear.neutral_voice(voice, progress).map(Some)
     }
 
     pub(super) fn check(&self, request: &MotionRequest) -> Result<()> {
@@ -219,9 +212,17 @@ impl Engine {
     /// Fills in the emotion of the voice if the request asks for it. If the request names an
     /// emotion, a system that hears emotion shows the named one, unless the request has another
     /// recording to hear the emotion in.
-    fn resolved(&self, request: &MotionRequest, heard: &SpeechFeatures) -> MotionRequest {
+    ///
+    /// # Errors
+    /// Those of [`SpeechFeatures::heard_emotion`].
+    fn resolved(
+        &self,
+        request: &MotionRequest,
+        heard: &SpeechFeatures,
+        progress: ProgressFn<'_>,
+    ) -> Result<MotionRequest> {
         let emotion = match &request.emotion {
-            EmotionCurve::Auto => heard.emotion_curve(),
+            EmotionCurve::Auto => heard.emotion_curve(progress)?,
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             named => named.clone(),
         };
@@ -232,11 +233,11 @@ impl Engine {
         {
             controls.set(own.source.name, own.named);
         }
-        MotionRequest {
+        Ok(MotionRequest {
             emotion,
             controls,
             ..request.clone()
-        }
+        })
     }
 
     fn finished(

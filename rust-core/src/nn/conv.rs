@@ -80,11 +80,6 @@ impl Conv1d {
         Conv1d { padding, ..self }
     }
 
-    /// The bias, `[out]`.
-    pub fn bias(&self) -> &Array1<f32> {
-        &self.bias
-    }
-
     /// Number of output channels.
     pub fn outputs(&self) -> usize {
         self.weight.ncols()

@@ -11,7 +11,7 @@
 mod body;
 mod level;
 
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 use ndarray::{Array2, ArrayRef2, Axis, concatenate, s};
 
@@ -29,7 +29,7 @@ use crate::{
     models::{ModelFiles, Weights},
 };
 use body::{EarBody, FEATURES_EACH};
-use level::ear_mel;
+pub(super) use level::ear_mel;
 
 /// Memory that the ear takes while it is loaded and listens to some seconds, bytes. Most of it is 10.4
 /// million weights of the trunk in single precision.
@@ -37,17 +37,16 @@ pub(crate) const EAR_BYTES: u64 = 76 << 20;
 
 /// The speech encoder on Whisper's first layers.
 pub struct Ear {
-    trunk: WhisperTrunk,
+    trunk: Arc<WhisperTrunk>,
     body: EarBody,
 }
 
 impl Ear {
-    /// From the files of `whisper_trunk` and of `ear`.
+    /// From Whisper's layers and the files of `ear`.
     ///
     /// # Errors
-    /// `Weights` if either is damaged or they do not fit each other.
-    pub fn load(trunk: &ModelFiles, body: &ModelFiles) -> Result<Self> {
-        let trunk = WhisperTrunk::load(&Weights::from_bytes(&trunk.weights)?, &trunk.config)?;
+    /// `Weights` if the files are damaged or do not fit the layers.
+    pub(super) fn load(trunk: Arc<WhisperTrunk>, body: &ModelFiles) -> Result<Self> {
         let body = EarBody::load(&Weights::from_bytes(&body.weights)?, &body.config)?;
         body.config().check(trunk.channels(), trunk.layers())?;
         Ok(Ear { trunk, body })

@@ -1,8 +1,9 @@
 //! Recognises the emotion in a voice over time, and how certain it is. All systems use it.
 //!
-//! Twin of `training/speech/emotion_ear.py`. A small network over log-mels and pitch predicts
-//! Whisper's middle layers for the last two seconds. A linear layer turns its outputs and the 118
-//! numbers of [`VoiceTrack`] into the logits of the emotions.
+//! A recording is heard by [`WhisperEar`]. A live voice is heard by [`EmotionEar`], whose network is
+//! small enough for a browser: twin of `training/speech/emotion_ear.py`, over log-mels and pitch, it
+//! predicts Whisper's middle layers for the last two seconds. A linear layer turns its outputs and the
+//! 118 numbers of a [`VoiceWindow`] into the logits of the emotions.
 
 mod affect;
 mod heard_emotion;
@@ -22,11 +23,11 @@ use std::path::Path;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 use self::{
-    layer::{EVERY, EmotionLayer},
+    layer::EmotionLayer,
     network::Convolutions,
 };
 use super::{
-    emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
+    emotion_encoder::{NUMBERS, VoiceWindow},
     log_mel::BANDS,
 };
 use crate::{
@@ -104,29 +105,6 @@ impl EmotionEar {
         &self.layer.emotions
     }
 
-    /// How likely each emotion is in a voice over time. Empty for a sound shorter than 0.8 s.
-    ///
-    /// `neutral`: how the speaker sounds without emotion, if that is known.
-    pub fn heard(&self, voice: &VoiceTrack, neutral: Option<&NeutralVoice>) -> HeardEmotion {
-        let windows = voice.windows(EVERY);
-        let rows = windows.iter().map(|window| self.row(window));
-        self.layer.heard(&windows, rows, neutral)
-    }
-
-    /// How a speaker sounds without emotion, from a recording.
-    ///
-    /// Later, every row of the speaker is shifted by the difference between his mean row in the
-    /// recording and that of the training data's readers. The less voice the recording has, the
-    /// smaller the shift.
-    ///
-    /// # Errors
-    /// `Audio` if nobody speaks in it.
-    pub fn neutral_voice(&self, voice: &VoiceTrack) -> Result<NeutralVoice> {
-        let windows = voice.windows(EVERY);
-        let rows = windows.iter().map(|window| self.row(window));
-        self.layer.neutral_voice(&windows, rows)
-    }
-
     /// The network's outputs for a window, and the window's numbers, `[outputs + 118]`.
     fn row(&self, window: &VoiceWindow) -> Array1<f64> {
         let outputs = self.outputs_of(window).into_iter().map(f64::from);
@@ -169,11 +147,12 @@ fn pooled(x: ArrayView2<'_, f32>, active: &[bool]) -> Array1<f32> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{layer::EVERY, *};
     use crate::{
         audio::Waveform,
-        conditions::{Emotion, EmotionCurve},
+        conditions::Emotion,
         nn::golden::{Golden, distance},
+        speech::VoiceTrack,
     };
 
     fn voice(samples: &[f32]) -> VoiceTrack {
@@ -189,92 +168,11 @@ mod tests {
         let windows = voice(&golden.values("samples")).windows(1);
         let expected = golden.matrix("logits");
         assert_eq!(windows.len(), expected.nrows());
-        let speaker = voice(&golden.values("neutral"));
-        let neutral = ear.neutral_voice(&speaker).unwrap();
-        let relative = golden.matrix("relative_logits");
-        let expected = expected.outer_iter().zip(relative.outer_iter());
-        for (window, (expected, relative)) in windows.iter().zip(expected) {
-            let logits = |neutral| {
-                ear.layer
-                    .logits(ear.row(window), neutral)
-                    .mapv(|x| x as f32)
-            };
-            let apart = distance(&logits(None), expected);
-            assert!(apart < 2e-3, "{apart}");
-            let apart = distance(&logits(Some(&neutral)), relative);
+        for (window, expected) in windows.iter().zip(expected.outer_iter()) {
+            let logits = ear.layer.logits(ear.row(window), None);
+            let apart = distance(&logits.mapv(|x| x as f32), expected);
             assert!(apart < 2e-3, "{apart}");
         }
-    }
-
-    #[test]
-    fn a_recording_without_a_voice_is_no_neutral_voice() {
-        let ear = EmotionEar::open(None).unwrap();
-        let mut state = 1u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 16) as f32 / 65_536.0 - 0.5
-        };
-        let noise: Vec<f32> = (0..48_000).map(|_| noise()).collect();
-        for samples in [vec![0.0; 48_000], noise] {
-            let error = ear.neutral_voice(&voice(&samples)).unwrap_err();
-            assert!(error.to_string().contains("without a voice"), "{error}");
-        }
-        let short = Waveform {
-            samples: vec![0.1; 8_000],
-        };
-        let error = VoiceTrack::neutral(&short).unwrap_err().to_string();
-        assert!(
-            error.contains("neutral voice") && error.contains("0.50 s"),
-            "{error}"
-        );
-    }
-
-    #[test]
-    fn more_of_a_neutral_voice_is_believed_more() {
-        let ear = EmotionEar::open(None).unwrap();
-        let samples = Golden::open("emotion_ear_debug").values("samples");
-        let once = ear.neutral_voice(&voice(&samples)).unwrap();
-        let often = ear.neutral_voice(&voice(&samples.repeat(6))).unwrap();
-        let length = |neutral: &NeutralVoice| neutral.offset.dot(&neutral.offset);
-        assert!(length(&often) > length(&once));
-    }
-
-    #[test]
-    fn silence_and_short_sounds_are_neutral() {
-        let ear = EmotionEar::open(None).unwrap();
-        let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
-        assert_eq!(
-            ear.heard(&voice(&short), None).curve(),
-            EmotionCurve::default()
-        );
-        let silent = ear.heard(&voice(&[0.0; 48_000]), None);
-        assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
-    }
-
-    #[test]
-    fn probabilities_are_told_over_time() {
-        let ear = EmotionEar::open(None).unwrap();
-        let samples = Golden::open("emotion_ear_debug").values("samples");
-        let heard = ear.heard(&voice(&samples), None);
-        assert_eq!(heard.probability.len(), ear.emotions().len());
-        assert!(heard.time_s.is_sorted() && heard.time_s.len() == heard.intensity.len());
-        for k in 0..heard.time_s.len() {
-            let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
-            assert!((sum - 1.0).abs() < 0.01, "{sum}");
-            let [valence, arousal] = affect::valence_and_arousal(&heard.shares(k));
-            assert!((heard.valence[k] - valence).abs() < 0.01, "{valence}");
-            assert!((heard.arousal[k] - arousal).abs() < 0.01, "{arousal}");
-        }
-        let mut twice = heard.between(0.0..1.5);
-        let first = twice.time_s.len();
-        twice.extend(heard.between(1.5..9.0).later(1.0));
-        assert_eq!(twice.valence, heard.valence);
-        assert_eq!(twice.arousal, heard.arousal);
-        assert_eq!(twice.time_s[..first], heard.time_s[..first]);
-        let EmotionCurve::Keys(keys) = heard.curve() else {
-            panic!("expected keys")
-        };
-        assert_eq!(keys.len(), heard.time_s.len());
     }
 
     #[test]
@@ -287,7 +185,9 @@ mod tests {
         windows.iter().for_each(|window| live.hear(window));
         let emotion = live.emotion();
         assert!((0.0..=1.0).contains(&emotion.intensity));
-        let heard = ear.heard(&voice(&samples), None);
+        let windows = voice(&samples).windows(EVERY);
+        let rows = windows.iter().map(|window| ear.row(window));
+        let heard = ear.layer.heard(&windows, rows, None);
         let whole = *heard.intensity.last().unwrap();
         let apart = (f64::from(emotion.intensity) - whole).abs();
         assert!(apart < 0.2, "{} {whole}", emotion.intensity);

@@ -74,8 +74,8 @@ pub struct VoiceTrack {
     octave: Vec<f64>,
     /// `[M]`, how periodic the sound is; 1 is fully periodic.
     periodic: Vec<f64>,
-    /// The sound itself, if a user's encoder needs it.
-    sound: Option<Waveform>,
+    /// The sound itself, for encoders that need it.
+    sound: Waveform,
 }
 
 /// Measurements of a voice in one window of up to two seconds.
@@ -133,7 +133,7 @@ impl VoiceTrack {
             mel: Array2::zeros((frames, BANDS)),
             octave: Vec::with_capacity(frames),
             periodic: Vec::with_capacity(frames),
-            sound: None,
+            sound: waveform.clone(),
         };
         for t in 0..frames {
             if t % REPORTED == 0 {
@@ -155,24 +155,18 @@ impl VoiceTrack {
         self.octave.len() as f64 / FRAMES_HZ
     }
 
-    /// The same, with the sound for encoders that need it.
-    pub fn with_sound(mut self, waveform: &Waveform) -> VoiceTrack {
-        self.sound = Some(waveform.clone());
-        self
+    /// The sound itself.
+    pub fn sound(&self) -> &Waveform {
+        &self.sound
     }
 
-    /// The sound of [`VoiceTrack::with_sound`].
-    pub fn sound(&self) -> Option<&Waveform> {
-        self.sound.as_ref()
-    }
-
-    /// From a sound whose emotion is requested, with the sound itself.
+    /// From a sound whose emotion is requested.
     ///
     /// # Errors
     /// `Audio` if it is silent or too short to show an emotion.
     pub fn checked(waveform: &Waveform) -> Result<VoiceTrack> {
         check_voice("emotion", waveform)?;
-        Ok(VoiceTrack::of(waveform).with_sound(waveform))
+        Ok(VoiceTrack::of(waveform))
     }
 
     /// From a sound without emotion; see [`crate::MotionRequest::neutral_voice`].
@@ -181,7 +175,7 @@ impl VoiceTrack {
     /// `Audio` if it is silent or too short to show an emotion.
     pub fn neutral(waveform: &Waveform) -> Result<VoiceTrack> {
         check_voice("neutral voice", waveform)?;
-        Ok(VoiceTrack::of(waveform).with_sound(waveform))
+        Ok(VoiceTrack::of(waveform))
     }
 
     /// The measurements at each instant, `[I, 118]`. Empty for a sound shorter than 0.8 s.
@@ -252,7 +246,7 @@ impl VoiceTrack {
 }
 
 /// Scales a sound to the level of the training data, so that its own level has no effect.
-pub(super) fn scaled_samples(waveform: &Waveform) -> Vec<f32> {
+fn scaled_samples(waveform: &Waveform) -> Vec<f32> {
     let samples = &waveform.samples;
     let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
     let gain = if peak > SILENT { PEAK / peak } else { 1.0 };

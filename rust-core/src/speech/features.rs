@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use ndarray::{Array2, ArrayView2};
 
 use super::{
-    EmotionEar, FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, Script, SpeechEncoder,
-    VoiceTrack, at_motion_frames, encoder::frames_of,
+    FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, Script, SpeechEncoder, VoiceTrack,
+    WhisperEar, at_motion_frames, encoder::frames_of,
 };
 use crate::{
     Error, Result,
@@ -39,11 +39,13 @@ pub struct SpeechFeatures {
     /// Measurements of the voice for an encoder of emotions.
     pub voice: VoiceTrack,
     /// The ear for emotion, if the engine has it.
-    pub ear: Option<Arc<EmotionEar>>,
+    pub ear: Option<Arc<WhisperEar>>,
     /// How the speaker sounds to the ear without emotion, if that is known.
     pub neutral_voice: Option<NeutralVoice>,
     /// The emotion by the ear, computed when it is first needed.
     heard_emotion: OnceLock<HeardEmotion>,
+    /// The emotion of another recording, which the face is to show.
+    other_emotion: Option<HeardEmotion>,
     /// Log-posteriors of the phones `[R, K]`, computed when they are first needed.
     phone_rows: OnceLock<Array2<f32>>,
     /// The model that recognises phones in the features, if the engine has it.
@@ -76,6 +78,7 @@ impl SpeechFeatures {
             ear: None,
             neutral_voice: None,
             heard_emotion: OnceLock::new(),
+            other_emotion: None,
             phone_rows: OnceLock::new(),
             phones: None,
             duration_s: waveform.duration_s(),
@@ -113,28 +116,50 @@ impl SpeechFeatures {
         Ok(())
     }
 
-    /// How likely each emotion is over time, by the ear. `None` if the engine has no ear.
-    pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
-        let ear = self.ear.as_ref()?;
-        let hear = || ear.heard(&self.voice, self.neutral_voice.as_ref());
-        Some(self.heard_emotion.get_or_init(hear))
+    /// How likely each emotion is over time, by the ear. `None` if the engine has no ear. It is heard
+    /// when this is first called.
+    ///
+    /// # Errors
+    /// Those of [`WhisperEar::heard`].
+    pub fn heard_emotion(&self, progress: ProgressFn<'_>) -> Result<Option<&HeardEmotion>> {
+        let Some(ear) = &self.ear else {
+            return Ok(None);
+        };
+        if self.heard_emotion.get().is_none() {
+            let heard = ear.heard(&self.voice, self.neutral_voice.as_ref(), progress)?;
+            let _ = self.heard_emotion.set(heard);
+        }
+        Ok(self.heard_emotion.get())
     }
 
-    /// Sets the emotion that another ear heard in the voice, in place of the built-in ear's.
-    pub(crate) fn hear_emotion(&mut self, emotion: HeardEmotion) {
-        self.heard_emotion = OnceLock::from(emotion);
+    /// Hears the emotion of another recording, which the face is to show.
+    ///
+    /// # Errors
+    /// Those of [`WhisperEar::heard`].
+    pub(crate) fn hear_other(&mut self, other: &VoiceTrack, progress: ProgressFn<'_>) -> Result<()> {
+        if let Some(ear) = &self.ear {
+            self.other_emotion = Some(ear.heard(other, None, progress)?);
+        }
+        Ok(())
     }
 
-    /// The emotion of [`SpeechFeatures::heard_emotion`], if it is known already.
+    /// The emotion of [`SpeechFeatures::hear_other`].
+    pub(crate) fn other_emotion(&self) -> Option<&HeardEmotion> {
+        self.other_emotion.as_ref()
+    }
+
+    /// The emotion that was heard so far: in the other recording or, without one, in the voice.
     pub(crate) fn heard_before(&self) -> Option<&HeardEmotion> {
-        self.heard_emotion.get()
+        self.other_emotion().or(self.heard_emotion.get())
     }
 
     /// The emotion in the voice by the ear; neutral if the engine has no ear.
-    pub fn emotion_curve(&self) -> EmotionCurve {
-        self.heard_emotion()
-            .map(HeardEmotion::curve)
-            .unwrap_or_default()
+    ///
+    /// # Errors
+    /// Those of [`WhisperEar::heard`].
+    pub fn emotion_curve(&self, progress: ProgressFn<'_>) -> Result<EmotionCurve> {
+        let heard = self.heard_emotion(progress)?;
+        Ok(heard.map(HeardEmotion::curve).unwrap_or_default())
     }
 
     /// The name of the encoder of the features.

@@ -72,8 +72,11 @@ use transformer_encoder::TransformerEncoder;
 /// Those of `BuiltIn::open` and [`Ear::load`].
 pub fn ear(folder: Option<&Path>) -> Result<Ear> {
     // Most of the time goes into gzip, on one thread for each of the two files.
-    let (trunk, body) = rayon::join(|| TRUNK_MODEL.open(folder), || EAR_MODEL.open(folder));
-    Ear::load(&trunk?, &body?)
+    let (trunk, body) = rayon::join(
+        || whisper_trunk::WhisperTrunk::open(folder),
+        || EAR_MODEL.open(folder),
+    );
+    Ear::load(trunk?, &body?)
 }
 
 /// Opens the encoder that `required` names, or the ear. It is read from `checkpoint`, a

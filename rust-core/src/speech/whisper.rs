@@ -4,13 +4,13 @@
 
 use std::path::Path;
 
-use ndarray::{Array1, Array2, s};
+use ndarray::Array2;
 use serde::Deserialize;
 
 use super::{
     FeatureTrack, SpeechEncoder,
     whisper_mel::{BANDS, whisper_mel},
-    whisper_trunk::{EPSILON, PLACES, RATE_HZ, TrunkSizes, WhisperTrunk, features_of},
+    whisper_trunk::{EPSILON, PLACES, RATE_HZ, TrunkSizes, WhisperTrunk},
 };
 use crate::{
     Error, Result,
@@ -23,8 +23,6 @@ use crate::{
     nn::norm::LayerNorm,
 };
 
-/// Copies of one checkpoint's bias differ by less than this, even if one of them is in f16.
-const BIAS_TOLERANCE: f32 = 1e-3;
 /// The first feature needs at least this many samples.
 pub(super) const LEAST_SAMPLES: usize = 400;
 
@@ -134,17 +132,8 @@ impl Whisper {
     }
 
     /// Number of layers of the model.
-    pub(super) fn layers(&self) -> usize {
+    fn layers(&self) -> usize {
         self.trunk.layers()
-    }
-
-    /// Whether the weights belong to a checkpoint whose first convolution has this bias, `[C]`.
-    pub(super) fn has_first_bias(&self, bias: &Array1<f32>) -> bool {
-        let first_bias = self.trunk.first_bias();
-        first_bias.len() == bias.len()
-            && (first_bias - bias)
-                .iter()
-                .all(|apart| apart.abs() < BIAS_TOLERANCE)
     }
 
     /// The outputs of `layers`, ascending, for a sound, `[T, C]` each at 50 Hz. Computes them in
@@ -152,7 +141,7 @@ impl Whisper {
     ///
     /// # Errors
     /// `Audio` for a sound shorter than 25 ms; `Cancelled`.
-    pub(super) fn hear(
+    fn hear(
         &self,
         waveform: &Waveform,
         layers: &[usize],
@@ -165,13 +154,7 @@ impl Whisper {
             )));
         }
         let mel = whisper_mel(&waveform.samples);
-        let total = features_of(mel.nrows());
-        let mut features = vec![Array2::zeros((total, self.channels())); layers.len()];
-        self.trunk.hear(&mel, layers, progress, |rows, outputs| {
-            for (to, from) in features.iter_mut().zip(outputs) {
-                to.slice_mut(s![rows.clone(), ..]).assign(&from);
-            }
-        })?;
+        let mut features = self.trunk.hear_whole(&mel, layers, progress)?;
         for (layer, output) in layers.iter().zip(&mut features) {
             if *layer == self.layers() {
                 self.norm.forward_in_place(output);

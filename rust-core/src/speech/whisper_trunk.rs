@@ -5,12 +5,16 @@
 //! The whole encoder of a user's checkpoint runs here, and the built-in first layers of Whisper
 //! base.
 
-use std::ops::Range;
+use std::{
+    ops::Range,
+    path::Path,
+    sync::{Arc, Mutex, PoisonError, Weak},
+};
 
-use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice, s};
+use ndarray::{Array2, ArrayRef2, Axis, Slice, s};
 use serde::Deserialize;
 
-use super::whisper_mel::BANDS;
+use super::{encoder::TRUNK_MODEL, whisper_mel::BANDS};
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
@@ -68,7 +72,34 @@ pub(super) struct WhisperTrunk {
     layers: Vec<Layer>,
 }
 
+/// The built-in layers while anybody holds them: 40 MB, which all engines of a process share.
+static SHARED: Mutex<Weak<WhisperTrunk>> = Mutex::new(Weak::new());
+
 impl WhisperTrunk {
+    /// The built-in layers, or those in `folder`.
+    ///
+    /// # Errors
+    /// Those of `BuiltIn::open` and [`WhisperTrunk::load`].
+    pub fn open(folder: Option<&Path>) -> Result<Arc<WhisperTrunk>> {
+        let load = || {
+            let files = TRUNK_MODEL.open(folder)?;
+            let weights = Weights::from_bytes(&files.weights)?;
+            Ok(Arc::new(WhisperTrunk::load(&weights, &files.config)?))
+        };
+        if folder.is_some() {
+            return load();
+        }
+        // Nobody may hold the lock while it loads: the thread could take up another engine's work.
+        let shared = || SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = shared().upgrade();
+        if let Some(trunk) = known {
+            return Ok(trunk);
+        }
+        let trunk = load()?;
+        *shared() = Arc::downgrade(&trunk);
+        Ok(trunk)
+    }
+
     /// From weights under our own names and the text of `config.json`. The positions are sinusoids,
     /// which are computed.
     ///
@@ -136,11 +167,6 @@ impl WhisperTrunk {
         self.layers.len()
     }
 
-    /// Bias of the first convolution, `[C]`.
-    pub fn first_bias(&self) -> &Array1<f32> {
-        self.first.bias()
-    }
-
     /// The outputs of `layers`, in their order, for log-mel `[T, 80]` at 100 Hz. Runs in one piece.
     /// Each output is `[⌈T / 2⌉, C]`; 0 is before the first layer.
     ///
@@ -196,6 +222,26 @@ impl WhisperTrunk {
             start = end;
         }
         Ok(())
+    }
+
+    /// As [`WhisperTrunk::hear`], all rows of each output together, `[⌈T / 2⌉, C]`.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn hear_whole(
+        &self,
+        mel: &ArrayRef2<f32>,
+        layers: &[usize],
+        progress: ProgressFn<'_>,
+    ) -> Result<Vec<Array2<f32>>> {
+        let total = features_of(mel.nrows());
+        let mut outputs = vec![Array2::zeros((total, self.channels())); layers.len()];
+        self.hear(mel, layers, progress, |rows, parts| {
+            for (to, from) in outputs.iter_mut().zip(parts) {
+                to.slice_mut(s![rows.clone(), ..]).assign(&from);
+            }
+        })?;
+        Ok(outputs)
     }
 }
 

@@ -111,8 +111,6 @@ impl Registration {
 pub struct Description<'a> {
     /// The speech features that its models were trained with. `None` if any will do.
     pub speech: Option<&'a SpeechInput>,
-    /// Whether [`SpeechFeatures::voice`] has to keep the sound because the system has an encoder of its own.
-    pub keeps_sound: bool,
     /// Whether a change of emotion needs a new [`System::sample`], or [`System::apply_controls`]
     /// adds it.
     pub emotion: EmotionOrigin,

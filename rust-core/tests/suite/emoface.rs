@@ -11,7 +11,7 @@ use anyface::{
     mesh::{LandmarkSource, PartChoices},
     models::Weights,
     motion::{Motion, Pose},
-    speech::{EmotionEar, VoiceTrack},
+    speech::{VoiceTrack, WhisperEar},
     spread::{Collector, FrameSink, Movement, SpreadReport, TemplateOnFace},
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
@@ -264,8 +264,8 @@ fn what_cannot_be_felt_is_told() {
 
 #[test]
 fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
-    let heard = EmotionEar::open(None).unwrap();
-    let heard = heard.heard(&VoiceTrack::of(&voice(SECONDS)), None).curve();
+    let heard = WhisperEar::open(None).unwrap();
+    let heard = heard.heard(&VoiceTrack::of(&voice(SECONDS)), None, SILENT).unwrap().curve();
     assert!(
         matches!(&heard, EmotionCurve::Keys(keys) if keys.len() > 3),
         "{heard:?}"

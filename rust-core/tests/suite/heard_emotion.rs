@@ -8,7 +8,7 @@ use anyface::{
     conditions::{Controls, EMOTIONS, EmotionCurve},
     job::SILENT,
     motion::Motion,
-    speech::{EmotionEar, NeutralVoice, VoiceTrack},
+    speech::{NeutralVoice, VoiceTrack, WhisperEar},
 };
 
 /// People see an emotion from this intensity on.
@@ -42,18 +42,19 @@ fn recordings(folder: &str, step: usize, accepts: impl Fn(&str) -> bool) -> Vec<
 }
 
 /// The largest intensity of any moment, and the strongest emotion overall.
-fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
+fn heard(ear: &WhisperEar, sound: &Waveform) -> (f32, &'static str) {
     heard_beside(ear, sound, None)
 }
 
 fn heard_beside(
-    ear: &EmotionEar,
+    ear: &WhisperEar,
     sound: &Waveform,
     neutral: Option<&NeutralVoice>,
 ) -> (f32, &'static str) {
     let frames = (sound.duration_s() * 10.0) as usize;
     let track = ear
-        .heard(&VoiceTrack::of(sound), neutral)
+        .heard(&VoiceTrack::of(sound), neutral, SILENT)
+        .unwrap()
         .curve()
         .sample(frames, 10.0);
     let strongest = track.column(15).fold(0.0f32, |most, x| most.max(*x));
@@ -68,7 +69,7 @@ fn heard_beside(
 #[test]
 #[ignore = "needs ../shared"]
 fn neutral_strangers_are_given_no_emotion() {
-    let ear = EmotionEar::open(None).unwrap();
+    let ear = WhisperEar::open(None).unwrap();
     // None of these was in the training data: separate clips, a separate language, separate
     // readers.
     for (folder, step) in [
@@ -93,7 +94,7 @@ fn neutral_strangers_are_given_no_emotion() {
 #[test]
 #[ignore = "needs ../shared"]
 fn actors_who_were_never_heard_are_shown_as_they_feel() {
-    let ear = EmotionEar::open(None).unwrap();
+    let ear = WhisperEar::open(None).unwrap();
     let of = |(letter, name): &(char, &str)| {
         let is_his = |file: &str| {
             let is_kept = file.starts_with("09") || file.starts_with("12");
@@ -116,7 +117,7 @@ fn actors_who_were_never_heard_are_shown_as_they_feel() {
 #[test]
 #[ignore = "needs ../shared"]
 fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
-    let ear = EmotionEar::open(None).unwrap();
+    let ear = WhisperEar::open(None).unwrap();
     let lower = |sound: &Waveform| {
         let count = sound.samples.len() * 5 / 4;
         let at = |i: usize| {
@@ -142,7 +143,7 @@ fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
             samples: samples.collect(),
         };
         let neutral = ear
-            .neutral_voice(&VoiceTrack::neutral(&speech).unwrap())
+            .neutral_voice(&VoiceTrack::neutral(&speech).unwrap(), SILENT)
             .unwrap();
         let shown = |neutral: Option<&NeutralVoice>| {
             let shown = |sound: &&Waveform| heard_beside(&ear, sound, neutral).0 > SEEN;

@@ -58,7 +58,6 @@ impl SharedArgs {
                 CachePolicy::UserFolder
             },
             threads: self.threads,
-            emotion_model: None,
         })
     }
 }

@@ -23,10 +23,14 @@ fn both(golden: &Golden) -> (ModelFiles, ModelFiles) {
     (files(golden, "trunk"), files(golden, "body"))
 }
 
+fn load((trunk, body): &(ModelFiles, ModelFiles)) -> Result<Ear> {
+    let trunk = WhisperTrunk::load(&Weights::from_bytes(&trunk.weights)?, &trunk.config)?;
+    Ear::load(Arc::new(trunk), body)
+}
+
 fn debug_ear() -> (Ear, Golden) {
     let golden = Golden::open(GOLDEN);
-    let (trunk, body) = both(&golden);
-    (Ear::load(&trunk, &body).unwrap(), golden)
+    (load(&both(&golden)).unwrap(), golden)
 }
 
 /// A voice-like sound of this length.
@@ -119,7 +123,7 @@ fn damaged_weights_are_refused() {
     let refused = |change: &dyn Fn(&mut ModelFiles, &mut ModelFiles)| {
         let (mut trunk, mut body) = both(&golden);
         change(&mut trunk, &mut body);
-        match Ear::load(&trunk, &body) {
+        match load(&(trunk, body)) {
             Err(Error::Weights(message)) => message,
             other => panic!("expected Weights, got {:?}", other.map(|_| ())),
         }

@@ -1,7 +1,12 @@
-//! An ear for emotion that uses Whisper base itself, from a user's folder, in place of the small
-//! network that imitates it.
+//! Hears the emotion of a whole recording, by the first layers of Whisper that the library carries.
+//!
+//! Twin of `training/speech/train_emotion_of_whisper.py`. The layers are those of the
+//! [`super::super::Ear`], and their log-mel is its own.
 
-use std::path::Path;
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+};
 
 use ndarray::{Array1, ArrayView2, Axis, concatenate, s};
 use serde::Deserialize;
@@ -13,15 +18,12 @@ use super::{
 };
 use crate::{
     Error, Result,
-    audio::Waveform,
     job::ProgressFn,
     models::{BuiltIn, Weights},
     nn::finite::check_result,
     speech::{
-        SpeechEncoder, VoiceTrack, VoiceWindow,
-        emotion_encoder::{NUMBERS, scaled_samples},
-        whisper::Whisper,
-        whisper_trunk::RATE_HZ,
+        VoiceTrack, VoiceWindow, ear::ear_mel, emotion_encoder::NUMBERS, whisper_trunk::RATE_HZ,
+        whisper_trunk::WhisperTrunk,
     },
 };
 
@@ -34,6 +36,7 @@ const STATISTICS: usize = 3;
 const FRAMES: usize = (100.0 / RATE_HZ) as usize;
 /// Least number of features in a window: change and deviation need two.
 const LEAST_FEATURES: usize = 2;
+const MODEL: &str = "emotion_of_whisper";
 
 /// `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -46,67 +49,54 @@ struct Config {
     emotions: Vec<String>,
 }
 
-/// Recognises emotions in a voice from the middle layers of Whisper base.
-///
-/// It distinguishes emotions much better than [`super::EmotionEar`], whose network is a hundredth
-/// of Whisper's size, but it is slower and does not run live.
+/// Recognises emotions in a recorded voice. A live voice has [`super::LiveEar`].
 pub struct WhisperEar {
-    whisper: Whisper,
-    layers: Vec<usize>,
+    /// Loaded when it is first needed: by then the engine's ear usually holds it.
+    trunk: OnceLock<Arc<WhisperTrunk>>,
+    folder: Option<PathBuf>,
+    config: Config,
     layer: EmotionLayer,
 }
 
 impl WhisperEar {
-    /// Whisper base from its Hugging Face folder, with the built-in layer or the one in `models`.
+    /// The built-in ear, or the one in `folder`.
     ///
     /// # Errors
-    /// `Io` if a file cannot be read; `Weights` if one is damaged or the folder holds a different
-    /// Whisper.
-    pub fn open(folder: &Path, models: Option<&Path>) -> Result<Self> {
-        let files = EMOTION_OF_WHISPER.open(models)?;
-        let weights = Weights::from_bytes(&files.weights)?;
-        Self::load(Whisper::load_folder(folder, None)?, &weights, &files.config).map_err(|error| {
-            match error {
-                Error::Weights(message) => {
-                    Error::Weights(format!("{}: {message}", folder.display()))
-                }
-                other => other,
-            }
+    /// `Weights` or `Io` if a file is missing or damaged, or the files do not fit each other.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = EMOTION_OF_WHISPER.open(folder)?;
+        let ear = Self::load(&Weights::from_bytes(&files.weights)?, &files.config)?;
+        Ok(WhisperEar {
+            folder: folder.map(Path::to_path_buf),
+            ..ear
         })
     }
 
-    fn load(whisper: Whisper, weights: &Weights, config: &str) -> Result<Self> {
-        const MODEL: &str = "emotion_of_whisper";
+    fn load(weights: &Weights, config: &str) -> Result<Self> {
         let config: Config = serde_json::from_str(config)
             .map_err(|e| Error::Weights(format!("{MODEL} config.json: {e}")))?;
-        let same = "expected Whisper base, on which the layer for emotions was trained (openai/whisper-base; not base.en)";
-        if whisper.channels() != config.channels {
-            let got = whisper.channels();
-            return Err(Error::Weights(format!(
-                "{same}, with {} channels, got {got}",
-                config.channels
-            )));
-        }
-        if !whisper.has_first_bias(&weights.vector("first_bias", config.channels)?) {
-            return Err(Error::Weights(format!(
-                "{same}, got other weights of its size"
-            )));
-        }
-        let is_ascending = config.layers.windows(2).all(|pair| pair[0] < pair[1]);
-        let last = config.layers.last().copied().unwrap_or(usize::MAX);
-        if !is_ascending || last > whisper.layers() {
-            return Err(Error::Weights(format!(
-                "{MODEL} config.json: layers: expected ascending numbers up to {}, got {:?}",
-                whisper.layers(),
-                config.layers
-            )));
-        }
         let numbers = STATISTICS * config.channels * config.layers.len() + NUMBERS;
         Ok(WhisperEar {
-            whisper,
-            layers: config.layers,
+            trunk: OnceLock::new(),
+            folder: None,
             layer: EmotionLayer::load(MODEL, weights, &config.emotions, numbers)?,
+            config,
         })
+    }
+
+    /// Whisper's layers.
+    fn trunk(&self) -> Result<&Arc<WhisperTrunk>> {
+        if self.trunk.get().is_none() {
+            let trunk = WhisperTrunk::open(self.folder.as_deref())?;
+            self.config.check(&trunk)?;
+            let _ = self.trunk.set(trunk);
+        }
+        Ok(self.trunk.get().expect("set above"))
+    }
+
+    /// Emotions in its training data.
+    pub fn emotions(&self) -> &[String] {
+        &self.layer.emotions
     }
 
     /// How likely each emotion is in a voice over time. Empty for a sound shorter than 0.8 s.
@@ -114,50 +104,50 @@ impl WhisperEar {
     /// `neutral`: how the speaker sounds without emotion, if that is known.
     ///
     /// # Errors
-    /// `Audio` for a sound shorter than 25 ms; `Numerics` where the weights give numbers that are
-    /// not finite; `Cancelled`.
+    /// `Weights` where Whisper's layers are damaged or others than those of the training; `Numerics`
+    /// where the weights give numbers that are not finite; `Cancelled`.
     pub fn heard(
         &self,
-        waveform: &Waveform,
         voice: &VoiceTrack,
         neutral: Option<&NeutralVoice>,
         progress: ProgressFn<'_>,
     ) -> Result<HeardEmotion> {
         let windows = voice.windows(EVERY);
-        let rows = self.rows(waveform, &windows, progress)?;
+        let rows = self.rows(voice, &windows, progress)?;
         Ok(self.layer.heard(&windows, rows.into_iter(), neutral))
     }
 
-    /// How a speaker sounds without emotion, from a recording; see
-    /// [`super::EmotionEar::neutral_voice`].
+    /// How a speaker sounds without emotion, from a recording.
+    ///
+    /// Later, every row of the speaker is shifted by the difference between his mean row in the
+    /// recording and that of the training data's readers. The less voice the recording has, the
+    /// smaller the shift.
     ///
     /// # Errors
     /// `Audio` if nobody speaks in it, and those of [`WhisperEar::heard`].
     pub fn neutral_voice(
         &self,
-        waveform: &Waveform,
         voice: &VoiceTrack,
         progress: ProgressFn<'_>,
     ) -> Result<NeutralVoice> {
         let windows = voice.windows(EVERY);
-        let rows = self.rows(waveform, &windows, progress)?;
+        let rows = self.rows(voice, &windows, progress)?;
         self.layer.neutral_voice(&windows, rows.into_iter())
     }
 
     /// For every window of the voice, statistics of the layers and the window's 118 numbers, `[R]`.
     fn rows(
         &self,
-        waveform: &Waveform,
+        voice: &VoiceTrack,
         windows: &[VoiceWindow],
         progress: ProgressFn<'_>,
     ) -> Result<Vec<Array1<f64>>> {
         if windows.is_empty() {
             return Ok(Vec::new());
         }
-        let scaled = Waveform {
-            samples: scaled_samples(waveform),
-        };
-        let outputs = self.whisper.hear(&scaled, &self.layers, progress)?;
+        let mel = ear_mel(&voice.sound().samples);
+        let layers = &self.config.layers;
+        let outputs = self.trunk()?.hear_whole(&mel, layers, progress)?;
         for output in &outputs {
             check_result("emotion of the voice", output.view().into_dyn())?;
         }
@@ -171,6 +161,25 @@ impl WhisperEar {
             statistics.chain(window.numbers.iter().copied()).collect()
         };
         Ok(windows.iter().map(row).collect())
+    }
+}
+
+impl Config {
+    /// Checks that `trunk` has these channels and layers.
+    fn check(&self, trunk: &WhisperTrunk) -> Result<()> {
+        let is_ascending = self.layers.windows(2).all(|pair| pair[0] < pair[1]);
+        let last = self.layers.last().copied().unwrap_or(usize::MAX);
+        if is_ascending && last <= trunk.layers() && self.channels == trunk.channels() {
+            return Ok(());
+        }
+        Err(Error::Weights(format!(
+            "{MODEL} config.json: expected {} channels and ascending layers up to {}, as whisper_trunk has them, got {} \
+             and {:?}",
+            trunk.channels(),
+            trunk.layers(),
+            self.channels,
+            self.layers
+        )))
     }
 }
 
@@ -188,49 +197,41 @@ fn statistics(x: ArrayView2<'_, f32>) -> Array1<f64> {
 mod tests {
     use super::*;
     use crate::{
+        audio::Waveform,
+        conditions::EmotionCurve,
         job::SILENT,
         nn::golden::{Golden, distance},
+        speech::emotion_ear::affect,
     };
 
-    const GOLDEN: &str = "emotion_of_whisper_debug";
-
-    /// The golden's Whisper as a Hugging Face folder, with `edit` applied to its first bias.
-    fn folder(golden: &Golden, edit: fn(f32) -> f32) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(
-            folder.path().join("config.json"),
-            golden.metadata("whisper"),
-        )
-        .unwrap();
-        let path = folder.path().join("model.safetensors");
-        golden.write_arrays("whisper.", &path, |(name, shape, values)| {
-            let is_first = name.ends_with("conv1.bias");
-            let edited = values.iter().map(|x| if is_first { edit(*x) } else { *x });
-            (name, shape, edited.collect())
+    /// The golden's ear with the layers of `config`, and the voice in the golden.
+    fn golden_ear(config: fn(String) -> String) -> (Golden, Result<WhisperEar>, VoiceTrack) {
+        let golden = Golden::open("emotion_of_whisper_debug");
+        let trunk = golden.weights().pp("trunk");
+        let trunk = WhisperTrunk::load(&trunk, &golden.metadata("trunk_config")).unwrap();
+        let config = config(golden.metadata("config"));
+        let ear = WhisperEar::load(&golden.weights(), &config).and_then(|ear| {
+            ear.config.check(&trunk)?;
+            let _ = ear.trunk.set(Arc::new(trunk));
+            Ok(ear)
         });
-        folder
-    }
-
-    fn load(golden: &Golden, folder: &Path) -> Result<WhisperEar> {
-        let whisper = Whisper::load_folder(folder, None).unwrap();
-        WhisperEar::load(whisper, &golden.weights(), &golden.metadata("config"))
-    }
-
-    /// The golden's ear, its sound, and the voice in it.
-    fn heard(golden: &Golden) -> (WhisperEar, Waveform, VoiceTrack) {
-        let ear = load(golden, folder(golden, |x| x).path()).unwrap();
-        let sound = Waveform {
+        let voice = VoiceTrack::of(&Waveform {
             samples: golden.values("samples"),
-        };
-        let voice = VoiceTrack::of(&sound);
-        (ear, sound, voice)
+        });
+        (golden, ear, voice)
+    }
+
+    fn voice(samples: &[f32]) -> VoiceTrack {
+        VoiceTrack::of(&Waveform {
+            samples: samples.to_vec(),
+        })
     }
 
     #[test]
     fn agrees_with_python() {
-        let golden = Golden::open(GOLDEN);
-        let (ear, sound, voice) = heard(&golden);
-        let rows = ear.rows(&sound, &voice.windows(EVERY), SILENT).unwrap();
+        let (golden, ear, voice) = golden_ear(|config| config);
+        let ear = ear.unwrap();
+        let rows = ear.rows(&voice, &voice.windows(EVERY), SILENT).unwrap();
         let expected = golden.matrix("logits");
         assert_eq!(rows.len(), expected.nrows());
         for (row, expected) in rows.into_iter().zip(expected.outer_iter()) {
@@ -242,38 +243,93 @@ mod tests {
 
     #[test]
     fn its_own_neutral_voice_moves_what_is_heard_towards_readers() {
-        let golden = Golden::open(GOLDEN);
-        let (ear, sound, voice) = heard(&golden);
-        let neutral = ear.neutral_voice(&sound, &voice, SILENT).unwrap();
-        let plain = ear.heard(&sound, &voice, None, SILENT).unwrap();
-        let relative = ear.heard(&sound, &voice, Some(&neutral), SILENT).unwrap();
+        let (golden, ear, voice) = golden_ear(|config| config);
+        let ear = ear.unwrap();
+        let neutral = ear.neutral_voice(&voice, SILENT).unwrap();
+        let plain = ear.heard(&voice, None, SILENT).unwrap();
+        let relative = ear.heard(&voice, Some(&neutral), SILENT).unwrap();
         assert_eq!(plain.time_s, relative.time_s);
         assert_ne!(plain.probability, relative.probability);
-        let short = Waveform {
-            samples: sound.samples[..8_000].to_vec(),
-        };
-        let heard = ear
-            .heard(&short, &VoiceTrack::of(&short), None, SILENT)
-            .unwrap();
-        assert_eq!(heard.time_s.len(), 0);
+        let often = golden.values("samples").repeat(6);
+        let often = ear.neutral_voice(&self::voice(&often), SILENT).unwrap();
+        let length = |neutral: &NeutralVoice| neutral.offset.dot(&neutral.offset);
+        assert!(length(&often) > length(&neutral));
     }
 
     #[test]
-    fn another_whisper_is_refused() {
-        let golden = Golden::open(GOLDEN);
-        let other = folder(&golden, |x| x + 0.1);
-        let error = load(&golden, other.path())
-            .err()
-            .expect("refused")
-            .to_string();
-        assert!(error.contains("other weights of its size"), "{error}");
-        let error = WhisperEar::open(folder(&golden, |x| x).path(), None)
-            .err()
-            .expect("refused")
-            .to_string();
+    fn layers_that_the_trunk_lacks_are_refused() {
+        let (_, ear, _) = golden_ear(|config| config.replace("[1, 2]", "[2, 3]"));
+        let error = ear.err().expect("refused").to_string();
+        assert!(error.contains("ascending layers up to 2"), "{error}");
+    }
+
+    #[test]
+    fn a_recording_without_a_voice_is_no_neutral_voice() {
+        let ear = WhisperEar::open(None).unwrap();
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) as f32 / 65_536.0 - 0.5
+        };
+        let noise: Vec<f32> = (0..48_000).map(|_| noise()).collect();
+        for samples in [vec![0.0; 48_000], noise] {
+            let error = ear.neutral_voice(&voice(&samples), SILENT).unwrap_err();
+            assert!(error.to_string().contains("without a voice"), "{error}");
+        }
+        let short = Waveform {
+            samples: vec![0.1; 8_000],
+        };
+        let error = VoiceTrack::neutral(&short).unwrap_err().to_string();
         assert!(
-            error.contains("with 512 channels, got 16") && error.contains("whisper-base"),
+            error.contains("neutral voice") && error.contains("0.50 s"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn silence_and_short_sounds_are_neutral() {
+        let ear = WhisperEar::open(None).unwrap();
+        let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
+        let heard = ear.heard(&voice(&short), None, SILENT).unwrap();
+        assert_eq!(heard.curve(), EmotionCurve::default());
+        let silent = ear.heard(&voice(&[0.0; 48_000]), None, SILENT).unwrap();
+        assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
+    }
+
+    #[test]
+    fn loud_and_quiet_copies_of_a_voice_feel_alike() {
+        let (golden, ear, _) = golden_ear(|config| config);
+        let ear = ear.unwrap();
+        let heard = |gain: f32| {
+            let samples: Vec<f32> = golden.values("samples").iter().map(|x| gain * x).collect();
+            ear.heard(&voice(&samples), None, SILENT).unwrap()
+        };
+        assert_eq!(heard(1.0).probability, heard(0.2).probability);
+    }
+
+    #[test]
+    fn probabilities_are_told_over_time() {
+        let (_, ear, voice) = golden_ear(|config| config);
+        let ear = ear.unwrap();
+        let heard = ear.heard(&voice, None, SILENT).unwrap();
+        assert_eq!(heard.probability.len(), ear.emotions().len());
+        assert!(heard.time_s.is_sorted() && heard.time_s.len() == heard.intensity.len());
+        for k in 0..heard.time_s.len() {
+            let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
+            assert!((sum - 1.0).abs() < 0.01, "{sum}");
+            let [valence, arousal] = affect::valence_and_arousal(&heard.shares(k));
+            assert!((heard.valence[k] - valence).abs() < 0.01, "{valence}");
+            assert!((heard.arousal[k] - arousal).abs() < 0.01, "{arousal}");
+        }
+        let mut twice = heard.between(0.0..1.5);
+        let first = twice.time_s.len();
+        twice.extend(heard.between(1.5..9.0).later(1.0));
+        assert_eq!(twice.valence, heard.valence);
+        assert_eq!(twice.arousal, heard.arousal);
+        assert_eq!(twice.time_s[..first], heard.time_s[..first]);
+        let EmotionCurve::Keys(keys) = heard.curve() else {
+            panic!("expected keys")
+        };
+        assert_eq!(keys.len(), heard.time_s.len());
     }
 }

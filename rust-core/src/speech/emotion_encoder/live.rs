@@ -6,7 +6,7 @@ use ndarray::{Array1, Array2, Axis};
 
 use super::{
     BANDS, Ear, EmotionEncoder, FRAME, FRAMES_HZ, HeardFrame, LEAST, PEAK, SILENT, STEP,
-    VoiceTrack, VoiceWindow, WINDOW, cepstral_basis,
+    VoiceTrack, VoiceWindow, WINDOW, Waveform, cepstral_basis,
 };
 
 /// Number of stored instants: one after the frame, one before it, one that came early.
@@ -95,7 +95,7 @@ impl LiveEmotion {
             mel: Array2::from_shape_fn((rows, BANDS), |(t, band)| self.frames[t].mel[band].into()),
             octave: self.frames.iter().map(|frame| frame.octave).collect(),
             periodic: self.frames.iter().map(|frame| frame.periodic).collect(),
-            sound: None,
+            sound: Waveform { samples: vec![] },
         };
         let cepstra = voice.mel.dot(&cepstral_basis());
         voice.of_window(cepstra.view(), 0, rows)

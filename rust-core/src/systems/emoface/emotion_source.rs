@@ -8,7 +8,6 @@ use ndarray::Array2;
 use super::EmoFaceConfig;
 use crate::{
     Error, Result,
-    audio::Waveform,
     job::ProgressFn,
     speech::{self, EmotionEncoder, SpeechEncoder, VoiceTrack, at_motion_frames},
 };
@@ -46,8 +45,7 @@ impl EmotionSource {
     /// `F_e` of a voice at motion frames, `[frames, E]`.
     ///
     /// # Errors
-    /// `InvalidInput` if a checkpoint needs the sound and the voice has none; `Audio` for a sound
-    /// that is too short for the checkpoint.
+    /// `Audio` for a sound that is too short for a checkpoint.
     pub fn at_frames(
         &self,
         voice: &VoiceTrack,
@@ -58,7 +56,7 @@ impl EmotionSource {
         match self {
             EmotionSource::BuiltIn(encoder) => Ok(encoder.at_frames(voice, frames, fps)),
             EmotionSource::Checkpoint(encoder) => {
-                let track = encoder.encode(sound_of(voice)?, progress)?;
+                let track = encoder.encode(voice.sound(), progress)?;
                 Ok(at_motion_frames(&track, frames, fps))
             }
         }
@@ -77,7 +75,7 @@ impl EmotionSource {
         match self {
             EmotionSource::BuiltIn(encoder) => Ok(encoder.over(voice, frames)),
             EmotionSource::Checkpoint(encoder) => {
-                let sound = sound_of(voice)?;
+                let sound = voice.sound();
                 let pace = frames.saturating_sub(1).max(1) as f64 / sound.duration_s();
                 Ok(at_motion_frames(
                     &encoder.encode(sound, progress)?,
@@ -89,17 +87,11 @@ impl EmotionSource {
     }
 }
 
-/// The sound of a voice, for a user's encoder.
-fn sound_of(voice: &VoiceTrack) -> Result<&Waveform> {
-    voice.sound().ok_or_else(|| {
-        Error::InvalidInput("emotion: expected a voice with sound, got one without".into())
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{
+        audio::Waveform,
         job::SILENT,
         nn::golden::{Golden, distance},
         speech::{SpeechInput, from_folder},
@@ -133,7 +125,7 @@ mod tests {
         };
         let (config, models) = heard_by(&golden, 32);
         let source = EmotionSource::open(Some(models.path()), &config).unwrap();
-        let voice = VoiceTrack::of(&sound).with_sound(&sound);
+        let voice = VoiceTrack::of(&sound);
         let frames = speech::frames_of(sound.duration_s(), FPS);
         let heard = source.at_frames(&voice, frames, FPS, SILENT).unwrap();
         let folder = models.path().join("emotion_wav2vec2");
@@ -174,15 +166,6 @@ mod tests {
             text.contains("48 features of wav2vec2") && text.contains("gives 32"),
             "{text}"
         );
-
-        let source = EmotionSource::open(Some(models.path()), &config).unwrap();
-        let sound = Waveform {
-            samples: golden.values("input"),
-        };
-        let mute = source
-            .at_frames(&VoiceTrack::of(&sound), 5, FPS, SILENT)
-            .unwrap_err();
-        assert!(mute.to_string().contains("got one without"), "{mute}");
     }
 
     #[test]

@@ -27,7 +27,7 @@ use crate::{
         LandmarkController, LiveClosures, Motion, MotionKind, MotionRequest, MotionStream,
         PERFORMANCE_CONTROLS, Template, TemplateMask, WidthGain, style_number,
     },
-    speech::{CausalModel, EAR_MODEL, EmotionEar, SpeechFeatures},
+    speech::{CausalModel, EAR_MODEL, EmotionEar, HeardEmotion, SpeechFeatures},
     spread::TemplateOnFace,
     systems::{
         Ability, Description, EmotionControls, EmotionMask, Registration, Sampled, Slider, System,
@@ -200,8 +200,6 @@ pub static REGISTRATION: Registration = Registration {
 pub struct EmoFace {
     space: Arc<TemplateSpace>,
     source: EmotionSource,
-    /// Recognises the voice's emotion and its intensity.
-    ear: Arc<EmotionEar>,
     /// `None` if the model uses other encoders of content or emotion than the built-in ones, since
     /// those have no causal twin, or if its frame rate differs from the causal encoder's.
     live: Option<Arc<LiveParts>>,
@@ -241,7 +239,6 @@ impl EmoFace {
         Ok(EmoFace {
             space: Arc::new(TemplateSpace { model, template }),
             source,
-            ear,
             live,
             modes,
             expressions: Arc::new(Expressions::open(folder)?),
@@ -287,12 +284,12 @@ impl EmoFace {
         let from = EMOTION_FROM.value(&request.controls) as usize;
         let curve = match from {
             VOICE if self.config().emotion_ear => match &request.emotion_of {
-                Some(other) => self
-                    .ear
-                    .heard(other, None)
-                    .curve_on_purpose()
+                Some(other) => heard
+                    .other_emotion()
+                    .map(HeardEmotion::curve_on_purpose)
+                    .unwrap_or_default()
                     .over(other.duration_s(), frames as f64 / fps),
-                None => heard.emotion_curve(),
+                None => heard.emotion_curve(progress)?,
             },
             VOICE => {
                 // A recording that was chosen for its emotion shows it fully. Without one, the
@@ -303,7 +300,7 @@ impl EmoFace {
                         vec![1.0; frames],
                     ),
                     None => {
-                        let curve = heard.emotion_curve();
+                        let curve = heard.emotion_curve(progress)?;
                         let sure = (0..frames).map(|t| curve.at(t as f64 / fps).intensity);
                         (
                             self.source.at_frames(&heard.voice, frames, fps, progress)?,
@@ -383,7 +380,6 @@ impl System for EmoFace {
         let config = self.config();
         Description {
             speech: Some(&config.speech),
-            keeps_sound: matches!(self.source, EmotionSource::Checkpoint(_)),
             styles: &config.styles,
             ..Description::default()
         }
