@@ -341,7 +341,7 @@ mod tests {
         ];
         let shapes = ARKIT.map(str::to_owned);
         let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
-        let track = EventTrack::of(&events, &shapes, (25, 25.0), EDGE_S, 1.0);
+        let track = EventTrack::of(&events, &shapes, (25, 25.0), EDGE_S, 0.2);
         assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
         // The gaze angles turn the eyes. The look-down shapes would also shut the lids.
