@@ -100,6 +100,7 @@ STORED = {
     "gaze": (0.0, 2.0, 1.0, True),
     "tongue": (0.0, 2.0, 1.0, True),
     "breath": (0.0, 2.0, 1.0, True),
+    "onset": (0.0, 2.0, 1.0, False),
     "variety": (0.0, 2.0, 1.0, True),
     "effort": (0.0, 2.0, 1.0, True),
     "steps": (0, 1000, 0, False),

@@ -77,9 +77,10 @@ impl Clip {
 /// Weights of ARKit's shapes that events ask for, `[frames, 52]`.
 pub(crate) fn weights_of(events: &[Event], frames: usize, fps: f64) -> Array2<f32> {
     let shapes = ARKIT.map(str::to_owned);
-    let EventTrack { mask, put_on, .. } = EventTrack::of(events, &shapes, frames, fps, EDGE_S);
+    let EventTrack { shown, put_on, .. } =
+        EventTrack::of(events, &shapes, (frames, fps), EDGE_S, 1.0);
     let mut weights = put_on;
-    weights.zip_mut_with(&mask, |to, strength| *to = to.max(*strength));
+    weights.zip_mut_with(&shown, |to, strength| *to = to.max(*strength));
     weights
 }
 

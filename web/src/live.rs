@@ -2,10 +2,7 @@
 
 use std::collections::VecDeque;
 
-use anyface::{
-    Result,
-    conditions::{EDGE_S, Event},
-};
+use anyface::{Result, conditions::Event};
 use wasm_bindgen::prelude::*;
 
 use crate::{
@@ -70,9 +67,10 @@ impl Live {
     /// # Errors
     /// If the expression is unknown.
     pub fn show(&mut self, expression: &str, seconds: f64) -> Result<(), JsError> {
-        let until_s = EDGE_S + seconds;
-        let event = Event::parse(&format!("{EDGE_S}-{until_s}:{expression}"))?;
-        let frames = ((until_s + EDGE_S) * self.speaker.fps()).ceil() as usize;
+        let mut event = Event::parse(&format!("0-{seconds}:{expression}"))?;
+        let [rise_s, fall_s] = event.edges_s(1.0);
+        event.slot_s = [rise_s, rise_s + seconds];
+        let frames = ((rise_s + seconds + fall_s) * self.speaker.fps()).ceil() as usize;
         let weights = weights_of(&[event], frames, self.speaker.fps());
         for (t, row) in weights.outer_iter().enumerate() {
             if self.event_weights.len() == t {

@@ -6,12 +6,13 @@
 use ndarray::{Array2, Array3, Axis};
 
 use super::{
-    action_units::{ACTION_UNITS, LEARNED_UNITS, SIDES, Side},
+    action_units::{ACTION_UNITS, ActionUnit, LEARNED_UNITS, OFFSET_OVER_ONSET, SIDES, Side},
     expression::{Expression, MAX_EVENT_STRENGTH},
 };
 use crate::{Error, Result};
 
-/// Time over which an event's strength rises before its slot and falls after it, seconds.
+/// Time over which an event's strength rises before its slot and falls after it, as the network has
+/// learned it, seconds.
 pub const EDGE_S: f64 = 0.12;
 
 /// Action units that are active for a while.
@@ -71,25 +72,31 @@ impl Event {
         Ok(event)
     }
 
-    /// Whether one of the event's units moves this ARKit shape.
-    pub fn shows(&self, shape: &str) -> bool {
-        self.shows_by(shape, |_| true)
-    }
-
-    fn shows_by(&self, shape: &str, counts: impl Fn(usize) -> bool) -> bool {
-        let mut units = self.units.iter().filter(|(unit, _)| counts(*unit));
-        units.any(|&(unit, side)| ACTION_UNITS[unit].shows(side, shape))
-    }
-
     /// The frames of the slot and of the fades around it, each with its share of the event's
-    /// strength. The strength rises and falls over `edge_s`.
-    fn shares(&self, frames: usize, fps: f64, edge_s: f64) -> impl Iterator<Item = (usize, f32)> {
+    /// strength. The strength rises over the first of `edges_s` and falls over the second.
+    fn shares(
+        &self,
+        frames: usize,
+        fps: f64,
+        edges_s: [f64; 2],
+    ) -> impl Iterator<Item = (usize, f32)> {
         let [first, end] = self.slot(fps);
-        let edge = (edge_s * fps).round() as usize;
-        let all = first.saturating_sub(edge)..end.saturating_add(edge).min(frames);
+        let [rise, fall] = edges_s.map(|edge_s| (edge_s * fps).round() as usize);
+        let all = first.saturating_sub(rise)..end.saturating_add(fall).min(frames);
         all.map(move |t| {
-            let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
-            (t, 1.0 - beyond as f32 / (edge + 1) as f32)
+            let before = first.saturating_sub(t) as f32 / (rise + 1) as f32;
+            let behind = (t + 1).saturating_sub(end) as f32 / (fall + 1) as f32;
+            (t, 1.0 - before.max(behind))
+        })
+    }
+
+    /// How long before its slot the first of its units starts to rise, and how long after it the last
+    /// one has fallen, seconds. `onset`: as in [`EventTrack::of`].
+    pub fn edges_s(&self, onset: f64) -> [f64; 2] {
+        let units = self.units.iter().map(|(unit, _)| &ACTION_UNITS[*unit]);
+        let edges = units.map(|unit| edges_of(unit, onset));
+        edges.fold([0.0; 2], |[rise, fall], [other_rise, other_fall]| {
+            [rise.max(other_rise), fall.max(other_fall)]
         })
     }
 
@@ -146,9 +153,14 @@ pub struct EventTrack {
     /// `[T, S]`, Z of eq. 6: for each frame and shape, the largest strength of any event whose
     /// learned units move the shape. 0 elsewhere.
     pub mask: Array2<f32>,
+    /// `[T, S]`: the same strengths as in `mask`, but they rise and fall as long as the units take on a
+    /// face.
+    pub shown: Array2<f32>,
     /// `[T, S]`: the least weight of each shape in each frame, as set by units that no network has
     /// learned. 0 elsewhere.
     pub put_on: Array2<f32>,
+    /// `[T]`, 0 to 1: how far events keep the speech from moving the lips, which then stay shut.
+    pub shut: Vec<f32>,
     /// `[T]`: whether an event overrides the speech in this frame.
     pub over_speech: Vec<bool>,
 }
@@ -157,47 +169,65 @@ impl EventTrack {
     /// Samples events in `frames` frames at `fps`; frame `t` is at `t / fps` seconds. An event has
     /// at least one frame. In the mask its strength rises over `edge_s` before its slot and falls
     /// over `edge_s` after it. `edge_s` is [`EDGE_S`], as the model has learned it, or 0 for a mask
-    /// of the slot alone.
+    /// of the slot alone. What is `shown` and `put_on` rises and falls over `onset` times the units' own
+    /// times.
     ///
     /// `shapes`: the ARKit names of the model's shapes.
     pub fn of(
         events: &[Event],
         shapes: &[String],
-        frames: usize,
-        fps: f64,
+        (frames, fps): (usize, f64),
         edge_s: f64,
+        onset: f64,
     ) -> EventTrack {
         let mut track = EventTrack {
             active: Array2::zeros((frames, SIDES * LEARNED_UNITS)),
             mask: Array2::zeros((frames, shapes.len())),
+            shown: Array2::zeros((frames, shapes.len())),
             put_on: Array2::zeros((frames, shapes.len())),
+            shut: vec![0.0; frames],
             over_speech: vec![false; frames],
         };
         for event in events {
-            track.add(event, shapes, fps, edge_s);
+            track.add(event, shapes, fps, (edge_s, onset));
         }
         track
     }
 
-    fn add(&mut self, event: &Event, shapes: &[String], fps: f64, edge_s: f64) {
+    fn add(&mut self, event: &Event, shapes: &[String], fps: f64, (edge_s, onset): (f64, f64)) {
         let frames = self.mask.nrows();
         for (s, shape) in shapes.iter().enumerate() {
-            if event.shows_by(shape, |unit| unit < LEARNED_UNITS) {
-                for (t, share) in event.shares(frames, fps, edge_s) {
-                    self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
+            for &(unit, side) in &event.units {
+                let is_learned = unit < LEARNED_UNITS;
+                let unit = &ACTION_UNITS[unit];
+                if unit.turns_eyes() || unit.closes_lips() || !unit.shows(side, shape) {
+                    continue;
+                }
+                let shown = if is_learned {
+                    &mut self.shown
+                } else {
+                    &mut self.put_on
+                };
+                for (t, share) in event.shares(frames, fps, edges_of(unit, onset)) {
+                    shown[[t, s]] = shown[[t, s]].max(smooth(share) * event.strength);
+                }
+                if is_learned {
+                    for (t, share) in event.shares(frames, fps, [edge_s; 2]) {
+                        self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
+                    }
                 }
             }
-            let is_put_on = |unit: usize| unit >= LEARNED_UNITS && !ACTION_UNITS[unit].turns_eyes();
-            if event.shows_by(shape, is_put_on) {
-                for (t, share) in event.shares(frames, fps, EDGE_S) {
-                    let weight = smooth(share) * event.strength;
-                    self.put_on[[t, s]] = self.put_on[[t, s]].max(weight);
-                }
+        }
+        let mut units = event.units.iter().map(|(unit, _)| &ACTION_UNITS[*unit]);
+        let closing = units.find(|unit| unit.closes_lips());
+        if let Some(unit) = closing {
+            for (t, share) in event.shares(frames, fps, edges_of(unit, onset)) {
+                self.shut[t] = self.shut[t].max(smooth(share) * event.strength.min(1.0));
             }
         }
         let [first, end] = event.slot(fps);
         for t in first..end.min(frames) {
-            self.over_speech[t] |= event.over_speech;
+            self.over_speech[t] |= event.over_speech || closing.is_some();
             let learned = event.units.iter().filter(|(unit, _)| *unit < LEARNED_UNITS);
             for &(unit, _) in learned {
                 for side in 0..SIDES {
@@ -208,27 +238,38 @@ impl EventTrack {
     }
 }
 
-/// Turns the eyes as the events ask. `gaze` `[T, 2, 2]`: as in [`crate::motion::Life`].
-pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64) {
+/// Turns the eyes as the events ask. `gaze` `[T, 2, 2]`: as in [`crate::motion::Life`]. `onset`: as in
+/// [`EventTrack::of`].
+pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64, onset: f64) {
     for event in events {
         let units = event.units.iter().map(|(unit, _)| ACTION_UNITS[*unit]);
-        let turns: Vec<[f32; 2]> = units
-            .filter(|unit| unit.turns_eyes())
-            .map(|unit| unit.gaze)
-            .collect();
-        if turns.is_empty() {
+        let turning: Vec<ActionUnit> = units.filter(ActionUnit::turns_eyes).collect();
+        let Some(unit) = turning.first() else {
             continue;
-        }
-        for (t, share) in event.shares(gaze.dim().0, fps, EDGE_S) {
+        };
+        let [start_s, end_s] = event.slot_s;
+        for (t, share) in event.shares(gaze.dim().0, fps, edges_of(unit, onset)) {
             let share = smooth(share);
+            let gone = (t as f64 / fps - start_s) / (end_s - start_s);
+            let turns = turning
+                .iter()
+                .map(|unit| unit.gaze_at(gone.clamp(0.0, 1.0) as f32));
+            let to = turns.fold([0.0; 2], |sum: [f32; 2], turn| {
+                [0, 1].map(|axis| sum[axis] + event.strength * turn[axis])
+            });
             for mut angles in gaze.index_axis_mut(Axis(0), t).outer_iter_mut() {
-                for (axis, angle) in angles.iter_mut().enumerate() {
-                    let to: f32 = turns.iter().map(|turn| event.strength * turn[axis]).sum();
+                for (angle, to) in angles.iter_mut().zip(to) {
                     *angle += share * (to - *angle);
                 }
             }
         }
     }
+}
+
+/// How long a unit takes to come and to go, seconds. `onset`: as in [`EventTrack::of`].
+fn edges_of(unit: &ActionUnit, onset: f64) -> [f64; 2] {
+    let rise_s = onset * unit.onset_s;
+    [rise_s, OFFSET_OVER_ONSET * rise_s]
 }
 
 /// Eases from 0 to 1 without a corner at either end.
@@ -269,11 +310,11 @@ mod tests {
             Event::parse("0.6-9:1").unwrap(),
         ];
         let shapes = ARKIT.map(str::to_owned);
-        let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
+        let track = EventTrack::of(&events, &shapes, (25, 25.0), EDGE_S, 1.0);
         let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
         let wink = track.mask.column(at("eyeBlinkLeft")).to_vec();
         assert_eq!(wink[6..11], [0.0, 0.125, 0.25, 0.375, 0.5]);
-        let slot = EventTrack::of(&events, &shapes, 25, 25.0, 0.0).mask;
+        let slot = EventTrack::of(&events, &shapes, (25, 25.0), 0.0, 1.0).mask;
         let wink = slot.column(at("eyeBlinkLeft")).to_vec();
         assert_eq!(wink[8..12], [0.0, 0.0, 0.5, 0.5]);
         assert_eq!(wink[18..22], [0.5, 0.5, 0.0, 0.0]);
@@ -283,11 +324,11 @@ mod tests {
         assert_eq!(track.active.sum(), 2.0 * 10.0 + 2.0 * 10.0);
         for never in ["1e300-2e300:1", "1.2-2:1"] {
             let never = [Event::parse(never).unwrap()];
-            let track = EventTrack::of(&never, &shapes, 25, 25.0, EDGE_S);
+            let track = EventTrack::of(&never, &shapes, (25, 25.0), EDGE_S, 1.0);
             assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         }
         let soon = [Event::parse("1.04-2:1").unwrap()];
-        let mask = EventTrack::of(&soon, &shapes, 25, 25.0, EDGE_S).mask;
+        let mask = EventTrack::of(&soon, &shapes, (25, 25.0), EDGE_S, 1.0).mask;
         let brow = mask.column(at("browInnerUp"));
         assert_eq!([brow[22], brow[23], brow[24]], [0.0, 0.25, 0.5]);
     }
@@ -300,7 +341,7 @@ mod tests {
         ];
         let shapes = ARKIT.map(str::to_owned);
         let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
-        let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
+        let track = EventTrack::of(&events, &shapes, (25, 25.0), EDGE_S, 0.2);
         assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
         // The gaze angles turn the eyes. The look-down shapes would also shut the lids.
@@ -318,7 +359,7 @@ mod tests {
         );
         assert!(least(8, "mouthPucker") > 0.2 && least(8, "mouthPucker") < 0.5);
         let mut gaze = Array3::from_elem((25, 2, 2), 0.1);
-        turn_eyes(&events, &mut gaze, 25.0);
+        turn_eyes(&events, &mut gaze, 25.0, 1.0);
         assert_eq!(
             gaze[[12, 0, 1]],
             ACTION_UNITS[ActionUnit::find("63").unwrap()].gaze[1]

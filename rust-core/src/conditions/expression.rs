@@ -8,7 +8,7 @@ use super::action_units::{ACTION_UNITS, ActionUnit, Side};
 use crate::{Error, Result};
 
 /// Animators' names for expressions, and the units of each. No text model is needed for these words.
-pub const MENU: [(&str, &str); 30] = [
+pub const MENU: [(&str, &str); 32] = [
     ("smile", "6,12"),
     ("smirk", "12L,14L"),
     ("wink", "6L,45L"),
@@ -31,14 +31,16 @@ pub const MENU: [(&str, &str); 30] = [
     ("lip press", "23"),
     ("lips part", "25"),
     ("pucker", "18"),
-    ("kiss", "18,22"),
-    ("puffed cheeks", "34"),
+    ("kiss", "8,18"),
+    ("pout", "8,15,17,18"),
+    ("puffed cheeks", "8,23,34"),
     ("wince", "4,6,7,10"),
     ("sneeze", "4,6,9,10,45"),
     ("look left", "61"),
     ("look right", "62"),
     ("look up", "63"),
     ("look down", "64"),
+    ("roll eyes", "68"),
 ];
 
 /// Largest strength of an event. 1 is the strength of the model itself.

@@ -379,7 +379,8 @@ impl Engine {
         }
         let mut moved = moved.into_owned();
         let mut life = self.life(&moved, heard, request, blink_emotion);
-        turn_eyes(&request.events, &mut life.gaze, moved.fps());
+        let onset = f64::from(request.onset());
+        turn_eyes(&request.events, &mut life.gaze, moved.fps(), onset);
         match &mut moved {
             Motion::Landmarks(clip) => self
                 .shared

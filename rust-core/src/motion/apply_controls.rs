@@ -114,7 +114,8 @@ impl FaceModes {
         }
         self.shape_speech(&mut clip, sampled, cues, controls)?;
         if cues.emotion_origin == EmotionOrigin::Added && !cues.speech_only {
-            cues.expressions.add(&mut clip, cues, self)?;
+            cues.expressions
+                .add(&mut clip, cues, self, controls.onset)?;
         }
         let fps = clip.fps;
         let moved = &mut clip.displacements;
@@ -127,7 +128,7 @@ impl FaceModes {
             }
             if controls.variety > 0.0 {
                 variety.vary_brows(moved, fps, self, controls.variety)?;
-                let strengths = cues.expressions.followed(cues.affect, fps);
+                let strengths = cues.expressions.followed(cues.affect, fps, controls.onset);
                 gesture(moved, &strengths, fps, cues.seed, self, controls.variety)?;
             }
             if controls.brow_accents > 0.0 {
@@ -170,7 +171,10 @@ impl FaceModes {
         let shaped = !mouth.is_neutral();
         if shaped {
             let emotion = match cues.emotion_origin {
-                EmotionOrigin::Learned => cues.expressions.alone(cues.affect, clip.fps),
+                EmotionOrigin::Learned => {
+                    cues.expressions
+                        .alone(cues.affect, clip.fps, controls.onset)
+                }
                 EmotionOrigin::Added => Array3::zeros(clip.displacements.dim()),
             };
             articulate(&mut clip.displacements, emotion.view(), self, &mouth)?;

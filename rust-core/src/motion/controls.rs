@@ -9,6 +9,7 @@ pub(crate) const TONGUE: &str = "tongue";
 /// Obeyed both by the face and by the head.
 pub(crate) const BREATH: &str = "breath";
 pub(crate) const ARTICULATION: &str = "articulation";
+pub(crate) const ONSET: &str = "onset";
 /// The controls that move nothing of the face itself.
 pub(crate) const BESIDE_THE_FACE: [&str; 3] = [HEAD, GAZE, TONGUE];
 
@@ -107,6 +108,9 @@ performance_controls! {
          face, which moves a tongue that is a part of its own.";
     breath: "Breath", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "How far lips part and the head rises before phrases; lips that close stay closed.";
+    onset: "Onset", "", [0.0, 2.0], default 1.0, neutral 1.0, false,
+        "How long feelings and events take to come and go: 1 as on a face (0.3 to 0.6 s to come, longer to go; \
+         blinks and eyes are faster), 0 at once.";
     variety: "Variety", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "How much takes of different seeds differ in opening, width, sides and brows, and how much an emotion \
          gestures; closed lips stay closed.";

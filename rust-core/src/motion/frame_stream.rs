@@ -119,6 +119,10 @@ pub trait MotionStream: Send {
         }
     }
 
+    /// Lets emotions come and go over `onset` times their own times from the next frame on. 1 is as on a
+    /// face, 0 follows at once.
+    fn set_onset(&mut self, onset: f32);
+
     /// Limits the look-ahead to `seconds`, from the first sound on. The face then moves sooner but follows
     /// the speech less surely. By default a stream looks ahead as far as it can.
     ///

@@ -55,9 +55,11 @@ pub use contacts::WidthGain;
 pub(crate) use contacts::{Parting, narrow, opening, width as mouth_width};
 #[cfg(feature = "cafe-talk")]
 pub(crate) use controls::control_named;
-pub(crate) use controls::{ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, TONGUE};
+pub(crate) use controls::{ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, ONSET, TONGUE};
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
+#[cfg(feature = "emoface")]
+pub(crate) use expression::Follower;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub(crate) use frame_stream::too_short;
@@ -71,6 +73,8 @@ pub use performer::Performer;
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 pub(crate) use resample::at_rate;
+#[cfg(feature = "cafe-talk")]
+pub(crate) use smooth::smoothed;
 pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub(crate) use weight_stream::Ears;

@@ -11,7 +11,7 @@ use crate::{
     speech::{Script, SpeechFeatures, VoiceTrack},
 };
 
-use super::{ARTICULATION, LandmarkClip, Performer, Pose};
+use super::{ARTICULATION, LandmarkClip, ONSET, Performer, Pose};
 
 /// The frame rates that a result may have, in frames per second.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -85,6 +85,11 @@ impl Default for MotionRequest {
 }
 
 impl MotionRequest {
+    /// The factor on the times in which emotions and events come and go.
+    pub(crate) fn onset(&self) -> f32 {
+        self.controls.get(ONSET).unwrap_or(1.0)
+    }
+
     /// The requested articulation of the lips, 1 is normal. If animated, the mean of its keys.
     pub fn articulation(&self) -> f32 {
         let Some(curve) = self.controls.animated(ARTICULATION) else {

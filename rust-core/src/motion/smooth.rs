@@ -33,7 +33,7 @@ impl WeightClip {
 }
 
 /// Gaussian smoothing along the first axis. `deviation` is the standard deviation in frames.
-pub(super) fn smoothed<D: Dimension + RemoveAxis>(
+pub(crate) fn smoothed<D: Dimension + RemoveAxis>(
     values: &Array<f32, D>,
     deviation: f64,
 ) -> Array<f32, D> {

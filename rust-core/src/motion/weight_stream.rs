@@ -146,13 +146,20 @@ impl WeightStream {
     }
 
     /// The controls that a stream obeys.
-    pub const CONTROLS: [&str; 4] = ["articulation", "blinks_per_minute", "head_motion", "gaze"];
+    pub const CONTROLS: [&str; 5] = [
+        "articulation",
+        "blinks_per_minute",
+        "head_motion",
+        "gaze",
+        "onset",
+    ];
 
     /// Shows more or less of the performance from the next frame on. Only [`WeightStream::CONTROLS`] count.
     pub fn control(&mut self, controls: PerformanceControls) {
         let usual = PerformanceControls::default().blinks_per_minute;
         let share = controls.blinks_per_minute / usual;
         self.idle.set_blinks(f64::from(share));
+        self.motion.set_onset(controls.onset);
         self.controls = controls;
     }
 

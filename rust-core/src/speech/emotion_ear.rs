@@ -22,10 +22,7 @@ use std::path::Path;
 
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
-use self::{
-    layer::EmotionLayer,
-    network::Convolutions,
-};
+use self::{layer::EmotionLayer, network::Convolutions};
 use super::{
     emotion_encoder::{NUMBERS, VoiceWindow},
     log_mel::BANDS,

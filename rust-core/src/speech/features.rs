@@ -136,7 +136,11 @@ impl SpeechFeatures {
     ///
     /// # Errors
     /// Those of [`WhisperEar::heard`].
-    pub(crate) fn hear_other(&mut self, other: &VoiceTrack, progress: ProgressFn<'_>) -> Result<()> {
+    pub(crate) fn hear_other(
+        &mut self,
+        other: &VoiceTrack,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
         if let Some(ear) = &self.ear {
             self.other_emotion = Some(ear.heard(other, None, progress)?);
         }

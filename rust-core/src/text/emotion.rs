@@ -32,7 +32,7 @@ impl TextUnits {
         if let Some(category) = EMOTIONS.iter().position(|name| *name == text) {
             return Ok(std::array::from_fn(|e| f32::from(u8::from(e == category))));
         }
-        let clauses = self.rules.clauses(text);
+        let clauses = self.clauses(text);
         let mut words = clauses.iter().flat_map(|clause| &clause.words);
         let is_known = words.all(|word| self.space.knows(word));
         let place = self.place(text).filter(|_| is_known);

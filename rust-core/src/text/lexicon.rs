@@ -5,14 +5,15 @@ use crate::conditions::ActionUnit;
 
 /// Phrases and the units that they stand for. Each word may have any of its forms (`|` between
 /// them). An earlier phrase takes its words away from later ones.
-const PHRASES: [(&str, &str); 12] = [
+const PHRASES: [(&str, &str); 13] = [
     ("press|presses|pressed|pressing lip|lips", "23"),
     ("lip|lips press|presses|pressed|pressing", "23"),
     ("tighten|tightens|tightened|tightening lip|lips", "23"),
     ("part|parts|parted|parting lip|lips", "25"),
     ("lip|lips part|parts|parted|parting|apart", "25"),
-    ("puff|puffs|puffed|puffing cheek|cheeks", "34"),
-    ("kiss|kisses|kissed|kissing", "18 22"),
+    ("puff|puffs|puffed|puffing cheek|cheeks", "8 23 34"),
+    ("kiss|kisses|kissed|kissing", "8 18"),
+    ("pout|pouts|pouted|pouting", "8 15 17 18"),
     (
         "pucker|puckers|puckered|puckering|purses|pursed|pursing",
         "18",
@@ -24,6 +25,31 @@ const PHRASES: [(&str, &str); 12] = [
     ),
     ("funnel|funnels|funnelled|funneled", "22"),
     ("eyes up|upwards|heavenwards", "63"),
+];
+/// Words for rolling eyes. They mean more than eyes that look up.
+const ROLLS: &str = "roll|rolls|rolled|rolling";
+const EYES: &str = "eye|eyes";
+/// The unit of rolling eyes.
+const ROLLING: &str = "68";
+/// Words for emotions, and for each a word with the same meaning that the text space knows well.
+const FEELINGS: [(&str, &str); 11] = [
+    (
+        "livid|fuming|irked|miffed|peeved|hostile|grumpy|crabby",
+        "angry",
+    ),
+    ("petrified|spooked|shaken", "afraid"),
+    ("jittery|tense|rattled", "anxious"),
+    (
+        "crestfallen|downcast|forlorn|morose|sullen|sulky|lonely|anguished",
+        "sad",
+    ),
+    ("jolly|jovial|blissful|euphoric|exuberant", "happy"),
+    ("awestruck|speechless", "astonished"),
+    ("squeamish|woozy|feverish", "queasy"),
+    ("snooty|mocking", "scornful"),
+    ("abashed|bashful", "embarrassed"),
+    ("mellow|composed", "calm"),
+    ("puzzled|mystified|perplexed|baffled", "confused"),
 ];
 /// Verbs of looking. A side or a height in the same clause says where the eyes go.
 const LOOKS: &str = "look|looks|looked|looking|glance|glances|glanced|glancing|gaze|gazes|gazed|gazing|stares|stared|staring|peers|eyes|roll|rolls|rolled|rolling";
@@ -41,6 +67,14 @@ pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
         return units;
     }
     let mut words: Vec<String> = clause.said.split_whitespace().map(str::to_owned).collect();
+    let place = |forms| words.iter().position(|word| is_form(word, forms));
+    if let (Some(roll), Some(eyes)) = (place(ROLLS), place(EYES)) {
+        units.extend(ActionUnit::find(ROLLING));
+        let heights = HEIGHTS.iter().filter_map(|(forms, _)| place(forms));
+        let places: Vec<usize> = [roll, eyes].into_iter().chain(heights).collect();
+        take(clause, &mut words, &places);
+        clause.side = None;
+    }
     if let Some(at) = words.iter().position(|word| is_form(word, LOOKS)) {
         let height = HEIGHTS.iter().find_map(|(forms, unit)| {
             let place = words.iter().position(|word| is_form(word, forms))?;
@@ -86,6 +120,22 @@ pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
     units.sort_unstable();
     units.dedup();
     units
+}
+
+/// Replaces words for emotions by those that the text space knows well.
+pub(super) fn put_known_feelings(clause: &mut Clause) {
+    let known = |word: &str| {
+        let mut feelings = FEELINGS.iter();
+        feelings.find_map(|(forms, known)| is_form(word, forms).then_some(*known))
+    };
+    for word in clause.words.iter_mut().chain(&mut clause.denied) {
+        if let Some(known) = known(word) {
+            known.clone_into(word);
+        }
+    }
+    let said = clause.said.split_whitespace();
+    let said: Vec<&str> = said.map(|word| known(word).unwrap_or(word)).collect();
+    clause.said = said.join(" ");
 }
 
 fn is_form(word: &str, forms: &str) -> bool {

@@ -143,10 +143,17 @@ impl TextUnits {
         })
     }
 
+    /// The clauses of a text, with words for emotions that the text space knows.
+    fn clauses(&self, text: &str) -> Vec<Clause> {
+        let mut clauses = self.rules.clauses(text);
+        clauses.iter_mut().for_each(lexicon::put_known_feelings);
+        clauses
+    }
+
     /// Place `[D]` of a word, or the mean over the words of a text. `None` for a text without words
     /// that have a meaning of their own.
     pub fn place(&self, text: &str) -> Option<Array1<f32>> {
-        let clauses = self.rules.clauses(text);
+        let clauses = self.clauses(text);
         let words: Vec<&String> = clauses.iter().flat_map(Clause::all_words).collect();
         let sum = words
             .iter()
@@ -163,7 +170,7 @@ impl TextUnits {
         check_length(text)?;
         let mut units: Vec<(usize, Side, f32, f32)> = Vec::new();
         let mut latest = Vec::new();
-        for clause in self.rules.clauses(text) {
+        for clause in self.clauses(text) {
             let clause_units = self.units_of(&clause);
             match (clause_units.is_empty(), side_of(clause.side)) {
                 // "Winks, the right eye": the side belongs to the clause before it.
@@ -252,7 +259,7 @@ impl TextUnits {
     /// The expression of the menu that is nearest to the text. The word that lies farthest from the
     /// expression counts: in "the blue car", blue is near to sorrow, but car is near to nothing.
     fn hint(&self, text: &str) -> Option<String> {
-        let clauses = self.rules.clauses(text);
+        let clauses = self.clauses(text);
         let words: Vec<Array1<f32>> = clauses
             .iter()
             .flat_map(Clause::all_words)

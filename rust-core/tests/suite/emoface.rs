@@ -265,7 +265,10 @@ fn what_cannot_be_felt_is_told() {
 #[test]
 fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
     let heard = WhisperEar::open(None).unwrap();
-    let heard = heard.heard(&VoiceTrack::of(&voice(SECONDS)), None, SILENT).unwrap().curve();
+    let heard = heard
+        .heard(&VoiceTrack::of(&voice(SECONDS)), None, SILENT)
+        .unwrap()
+        .curve();
     assert!(
         matches!(&heard, EmotionCurve::Keys(keys) if keys.len() > 3),
         "{heard:?}"

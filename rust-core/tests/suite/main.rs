@@ -5,6 +5,7 @@ mod clean_heads;
 mod corpus;
 mod damaged;
 mod emoface;
+mod events;
 mod expressions;
 #[path = "../../../tests/eval/src/metrics/eyeballs_in_sight.rs"]
 mod eyeballs_in_sight;

@@ -28,7 +28,7 @@ fn affect(emotion: &str) -> Array2<f32> {
 /// An emotion while the jaw opens and closes three times a second, the lips round and the brows
 /// wander. At every closing the lips press by up to 0.4 mm.
 fn talking(modes: &FaceModes, emotion: &str) -> LandmarkClip {
-    let mut displacements = expressions().alone(affect(emotion).view(), FPS);
+    let mut displacements = expressions().alone(affect(emotion).view(), FPS, 1.0);
     let names = ["jawOpen", "mouthPucker", "browInnerUp_L", "mouthClose"];
     let shapes = names.map(|name| modes.mode(name).unwrap());
     for (t, mut frame) in displacements.outer_iter_mut().enumerate() {
@@ -211,7 +211,7 @@ fn each_control_moves_its_own_landmarks() {
 fn articulation_scales_speech_around_the_emotion() {
     let modes = modes();
     let clip = talking(&modes, "happy:0.8");
-    let emotion = expressions().alone(affect("happy:0.8").view(), FPS);
+    let emotion = expressions().alone(affect("happy:0.8").view(), FPS, 1.0);
     let controls = |articulation| PerformanceControls {
         articulation,
         ..plain()

@@ -46,13 +46,19 @@ pub(super) struct Moment {
 
 impl Expressions {
     /// Adds the expression of `cues` to motion that speaks neutrally. If the whole clip is neutral, no
-    /// bit changes.
+    /// bit changes. `onset`: factor on the times in which emotions come and go.
     ///
     /// # Errors
     /// `Weights` where `modes` lack the lids.
-    pub fn add(&self, clip: &mut LandmarkClip, cues: &Cues<'_>, modes: &FaceModes) -> Result<()> {
+    pub fn add(
+        &self,
+        clip: &mut LandmarkClip,
+        cues: &Cues<'_>,
+        modes: &FaceModes,
+        onset: f32,
+    ) -> Result<()> {
         let fps = clip.fps;
-        let strengths = self.followed(cues.affect, fps);
+        let strengths = self.followed(cues.affect, fps, onset);
         if !strengths.iter().any(is_shown) {
             return Ok(());
         }

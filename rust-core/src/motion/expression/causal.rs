@@ -58,7 +58,7 @@ impl CausalExpression {
             table,
             modes,
             fps,
-            follower: Follower::default(),
+            follower: Follower::new(1.0),
             wandering: Wandering::new(0),
             gestures: Gestures::new(0),
             gesture_modes,
@@ -66,6 +66,11 @@ impl CausalExpression {
             yielding: 0.0,
             speaking: 0.0,
         })
+    }
+
+    /// Sets the factor on the times in which emotions come and go from the next frame on; 0 follows at once.
+    pub fn set_onset(&mut self, onset: f32) {
+        self.follower.onset = onset;
     }
 
     /// Adds the expression to the next frame. `quiet_s`: how long nobody has spoken, seconds.

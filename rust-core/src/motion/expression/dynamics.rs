@@ -1,11 +1,11 @@
 //! How the strength of an expression rises, holds and falls over time.
 
-use ndarray::{ArrayView2, s};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 
 use super::table::Expressions;
 use crate::{
     audio::Prosody,
-    conditions::{EMOTIONS, Strengths},
+    conditions::{EMOTIONS, Emotion, Strengths},
     mesh::ibug::{BROWS, LANDMARKS, LIDS, MOUTH},
     motion::{
         brow_accents::{BrowAccent, LEAD_S, ONSET_S, STRESSED, prominences},
@@ -16,6 +16,9 @@ use crate::{
 
 /// A critically damped motion has gone nine tenths of its way after this many time constants.
 const TIME_CONSTANTS: f64 = 3.89;
+/// An emotion comes slower by this share for each unit of strength that others still have to lose: the
+/// motions of a face that changes from one to another add up.
+const CHANGE: f64 = 0.8;
 /// A strength below this becomes 0 if its target is 0.
 const NOTHING: f32 = 1e-3;
 /// First of the random streams of the wandering: one for each region, then one for the level.
@@ -42,9 +45,11 @@ const MAX_ACCENT: f32 = 0.14;
 const REGIONS: usize = 4;
 
 /// Strengths that move towards their targets. They start at the first targets, at rest.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Follower {
+#[derive(Debug, Clone)]
+pub(crate) struct Follower {
     state: Option<[Damped; EMOTIONS.len()]>,
+    /// Factor on the times of the table. 0 reaches every target at once.
+    pub(crate) onset: f32,
 }
 
 /// A strength and how fast it changes.
@@ -55,30 +60,43 @@ struct Damped {
 }
 
 impl Follower {
+    pub(crate) fn new(onset: f32) -> Follower {
+        Follower { state: None, onset }
+    }
+
     /// The strengths one frame later.
-    pub(super) fn step(&mut self, targets: &Strengths, table: &Expressions, fps: f64) -> Strengths {
+    pub(crate) fn step(&mut self, targets: &Strengths, table: &Expressions, fps: f64) -> Strengths {
         let state = self.state.get_or_insert_with(|| {
             targets.map(|value| Damped {
                 value: f64::from(value),
                 per_s: 0.0,
             })
         });
+        let falling = state.iter().zip(targets).skip(1);
+        let falling = falling.map(|(damped, target)| damped.value - f64::from(*target));
+        let change: f64 = falling.map(|excess| excess.max(0.0)).sum();
         for ((damped, target), manner) in state.iter_mut().zip(targets).zip(&table.manners) {
             let is_rising = f64::from(*target) > damped.value;
             let slower = if is_rising {
-                1.0
+                1.0 + CHANGE * change
             } else {
                 table.offset_over_onset
             };
-            damped.step(*target, slower * manner.onset_s / TIME_CONSTANTS, 1.0 / fps);
+            let onset_s = f64::from(self.onset) * slower * manner.onset_s;
+            damped.step(*target, onset_s / TIME_CONSTANTS, 1.0 / fps);
         }
         state.map(|damped| damped.value as f32)
     }
 }
 
 impl Damped {
-    /// The exact solution of `x'' = (target − x) / τ² − 2 x' / τ` over `step_s`.
+    /// The exact solution of `x'' = (target − x) / τ² − 2 x' / τ` over `step_s`. A time constant of 0
+    /// gives the target.
     fn step(&mut self, target: f32, time_constant_s: f64, step_s: f64) {
+        if time_constant_s == 0.0 {
+            (self.value, self.per_s) = (f64::from(target), 0.0);
+            return;
+        }
         let target = f64::from(target);
         let away = self.value - target;
         let pull = self.per_s + away / time_constant_s;
@@ -230,18 +248,47 @@ pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
 
 impl Expressions {
     /// The strengths `[T]` with which the face follows `affect` `[T, 16]`. They start at the first target,
-    /// without motion.
+    /// without motion. `onset`: factor on the times of the table.
     pub(in crate::motion) fn followed(
         &self,
         affect: ArrayView2<'_, f32>,
         fps: f64,
+        onset: f32,
     ) -> Vec<Strengths> {
-        let mut follower = Follower::default();
-        let kinds = EMOTIONS.len();
-        let targets = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
-        targets
-            .outer_iter()
-            .map(|row| follower.step(&std::array::from_fn(|e| row[e]), self, fps))
+        let mut follower = Follower::new(onset);
+        let rows = affect.outer_iter();
+        rows.map(|row| follower.step(&targets(row), self, fps))
             .collect()
     }
+
+    /// `affect` `[T, 16]`, a mixture of emotions and an intensity, as the face follows it: for networks
+    /// that show emotion as soon as they are told. Rows in which nothing changes stay bit for bit the
+    /// same. `onset`: factor on the times of the table; 0 follows at once.
+    pub fn eased(&self, mut affect: Array2<f32>, fps: f64, onset: f32) -> Array2<f32> {
+        let followed = self.followed(affect.view(), fps, onset);
+        for (mut row, mut strengths) in affect.outer_iter_mut().zip(followed) {
+            let targets = targets(row.view());
+            if strengths[1..] == targets[1..] {
+                continue;
+            }
+            // Neutral gets what the others leave: its own strength has no meaning.
+            let others: f32 = strengths[1..].iter().sum();
+            strengths[0] = (row[EMOTIONS.len()] - others).max(0.0);
+            let intensity = strengths[0] + others;
+            for (e, share) in row.iter_mut().take(EMOTIONS.len()).enumerate() {
+                *share = if intensity > 0.0 {
+                    strengths[e] / intensity
+                } else {
+                    Emotion::default().mixture[e]
+                };
+            }
+            row[EMOTIONS.len()] = intensity;
+        }
+        affect
+    }
+}
+
+/// The strengths in a row of a mixture of emotions and an intensity, `[16]`.
+fn targets(row: ArrayView1<'_, f32>) -> Strengths {
+    std::array::from_fn(|e| row[e] * row[EMOTIONS.len()])
 }

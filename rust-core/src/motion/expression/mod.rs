@@ -17,6 +17,8 @@ mod table;
 mod tests;
 
 pub use causal::CausalExpression;
+#[cfg(feature = "emoface")]
+pub(crate) use dynamics::Follower;
 pub use table::{Expressions, MODEL};
 
 /// Where the emotion of sampled motion comes from.

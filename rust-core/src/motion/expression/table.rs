@@ -88,9 +88,9 @@ impl Expressions {
     /// The expression over time on a face that does not speak, `[T, 68, 3]`, canonical metres.
     ///
     /// `affect`: `[T, 16]`, mixture and intensity. Where a network learned emotion itself, subtracting this
-    /// from its motion leaves the speech.
-    pub fn alone(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Array3<f32> {
-        let strengths = self.followed(affect, fps);
+    /// from its motion leaves the speech. `onset`: factor on the times in which emotions come and go.
+    pub fn alone(&self, affect: ArrayView2<'_, f32>, fps: f64, onset: f32) -> Array3<f32> {
+        let strengths = self.followed(affect, fps, onset);
         let mut out = Array3::zeros((strengths.len(), LANDMARKS, 3));
         for (mut frame, strengths) in out.outer_iter_mut().zip(&strengths) {
             frame.assign(&self.whole(strengths));

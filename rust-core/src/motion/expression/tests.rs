@@ -70,7 +70,7 @@ fn with(clip: &LandmarkClip, emotion: &EmotionCurve, prosody: &Prosody, seed: u6
         seed,
     };
     let mut out = clip.clone();
-    table.add(&mut out, &cues, &modes()).unwrap();
+    table.add(&mut out, &cues, &modes(), 1.0).unwrap();
     out
 }
 
@@ -260,7 +260,7 @@ fn an_emotion_comes_within_its_onset_smoothly_and_goes_slower() {
             (at, emotion)
         };
         let curve = EmotionCurve::Keys(vec![keys(1.0, !on), (keys(1.0 + 1e-9, on))]);
-        table().alone(curve.sample(150, FPS).view(), FPS)
+        table().alone(curve.sample(150, FPS).view(), FPS, 1.0)
     };
     let track = |motion: Array3<f32>| motion.slice(s![.., 22, 1]).to_vec();
     let (comes, goes) = (track(step(true)), track(step(false)));
@@ -286,7 +286,7 @@ fn onsets_take_as_long_at_any_frame_rate_and_none_overshoots() {
             let rising = Emotion::parse(&format!("{emotion}:1")).unwrap();
             let keys = vec![(0.5, Emotion::default()), (0.5 + 1e-9, rising)];
             let affect = EmotionCurve::Keys(keys).sample((4.0 * fps) as usize, fps);
-            let shown = table().followed(affect.view(), fps);
+            let shown = table().followed(affect.view(), fps, 1.0);
             let e = EMOTIONS.iter().position(|known| known == emotion).unwrap();
             assert!(shown.iter().all(|s| (0.0..=1.0 + 1e-6).contains(&s[e])));
             let first = shown.iter().position(|s| s[e] >= 0.9).unwrap();

@@ -1,6 +1,6 @@
 //! Applies an artist's controls to sampled weights.
 
-use ndarray::{Array1, ArrayView2, ArrayView3};
+use ndarray::{Array1, Array2, ArrayView2, ArrayView3};
 
 use super::{columns, scale, starts};
 use crate::{
@@ -97,7 +97,7 @@ impl WeightClip {
         } else {
             if let Some(variety) = &variety {
                 clip.vary_brows(modes, variety, controls.variety)?;
-                clip.gesture(cues, controls.variety);
+                clip.gesture(cues, controls);
             }
             scale(&mut clip.weights, &of(&UPPER), |_| controls.upper_face);
             clip.raise_brows(cues, controls.brow_accents);
@@ -110,6 +110,17 @@ impl WeightClip {
         }
         clip.weights.mapv_inplace(|weight| weight.clamp(0.0, MOST));
         Ok(clip)
+    }
+
+    /// Takes the speech from the mouth by a share of each frame, `[T]`. Shapes with a weight above 0 in
+    /// `kept` `[T, S]` stay in that frame.
+    pub(crate) fn hush(&mut self, shares: &[f32], kept: &Array2<f32>) {
+        let spoken = columns(&self.names, |name| starts(name, &SPEECH));
+        for (t, share) in shares.iter().enumerate() {
+            for &column in spoken.iter().filter(|column| kept[[t, **column]] == 0.0) {
+                self.weights[[t, column]] *= 1.0 - share;
+            }
+        }
     }
 
     fn articulate(&mut self, prosody: &Prosody, controls: &PerformanceControls) {
@@ -126,12 +137,15 @@ impl WeightClip {
     }
 
     /// Adds the gestures of the emotion; no weight falls below 0.
-    fn gesture(&mut self, cues: &WeightCues<'_>, size: f32) {
+    fn gesture(&mut self, cues: &WeightCues<'_>, controls: &PerformanceControls) {
+        let size = controls.variety;
         let columns: Vec<[Option<usize>; 2]> = arkit_names()
             .map(|names| names.map(|name| self.column(&name)))
             .collect();
         let mut gestures = Gestures::new(cues.seed);
-        let strengths = cues.expressions.followed(cues.affect, self.fps);
+        let strengths = cues
+            .expressions
+            .followed(cues.affect, self.fps, controls.onset);
         for (mut row, strengths) in self.weights.outer_iter_mut().zip(&strengths) {
             let weights = gestures.step(strengths, 1.0 / self.fps);
             for ([right, left], [to_right, to_left]) in columns.iter().zip(weights) {

@@ -1,6 +1,6 @@
 //! Brings the mouth to the shapes of sounds that a viewer has to tell apart, in weights of shapes.
 
-use ndarray::{Array2, ArrayView3, ArrayViewMut1};
+use ndarray::{Array2, ArrayView1, ArrayView3, ArrayViewMut1};
 
 use super::{
     super::{
@@ -77,13 +77,21 @@ impl MouthLengths {
 
     /// Widens and narrows the mouth of a clip by [`WIDTH_GAIN`] and brings it to the shapes, as far as it
     /// is not there yet, except in frames with an event `over_speech`. The jaw goes first, then the lips.
-    pub fn take_shapes(&self, clip: &mut WeightClip, shapes: &LipShapes, over_speech: &[bool]) {
+    ///
+    /// `of_events`: `[T, S]`, the part of the weights that belongs to events and not to the speech.
+    pub fn take_shapes(
+        &self,
+        clip: &mut WeightClip,
+        shapes: &LipShapes,
+        over_speech: &[bool],
+        of_events: &Array2<f32>,
+    ) {
         let degrees = shapes.at_frames(clip.weights.nrows(), clip.fps);
         for (t, mut row) in clip.weights.outer_iter_mut().enumerate() {
             if over_speech.get(t) == Some(&true) {
                 continue;
             }
-            self.widen(&mut row);
+            self.widen(&mut row, of_events.row(t));
             for (number, shape) in LIP_SHAPES.iter().enumerate() {
                 let degree = degrees[[t, number]];
                 if degree > 0.0 {
@@ -94,10 +102,11 @@ impl MouthLengths {
     }
 
     /// Makes the mouth [`WIDTH_GAIN`] times as wide or narrow as the lips make it in speech. Smiles and the
-    /// jaw count as they are.
-    fn widen(&self, weights: &mut ArrayViewMut1<'_, f32>) {
+    /// jaw count as they are, and so do events.
+    fn widen(&self, weights: &mut ArrayViewMut1<'_, f32>, of_events: ArrayView1<'_, f32>) {
         let by = self.by.row(MOUTH_WIDTH);
-        let said: f32 = self.lips.iter().map(|&s| weights[s] * by[s]).sum();
+        let of_speech = |s: usize| (weights[s] - of_events[s]).max(0.0);
+        let said: f32 = self.lips.iter().map(|&s| of_speech(s) * by[s]).sum();
         let moving = self.width.iter().map(|&s| (s, weights[s].max(MOST)));
         let moving: Vec<(usize, f32)> = moving.collect();
         let aim = Aim {
@@ -158,7 +167,12 @@ mod tests {
         for (shape, jaw) in LIP_SHAPES.iter().flat_map(|s| [(s, 0.0), (s, 0.4)]) {
             let (before, mouth) = clip(jaw);
             let mut after = before.clone();
-            mouth.take_shapes(&mut after, &LipShapes::at(shape.name, 0.5..0.6), &[]);
+            mouth.take_shapes(
+                &mut after,
+                &LipShapes::at(shape.name, 0.5..0.6),
+                &[],
+                &Array2::zeros(before.weights.dim()),
+            );
             let bounds = [shape.chin_m, shape.forward_m, shape.width_m, shape.gap_m];
             for (by, [least, most]) in mouth.by.outer_iter().zip(bounds) {
                 let length = after.weights.row(33).dot(&by);
@@ -185,7 +199,12 @@ mod tests {
     fn an_event_over_speech_keeps_its_weights() {
         let (before, mouth) = clip(0.3);
         let mut after = before.clone();
-        mouth.take_shapes(&mut after, &LipShapes::at("oo", 0.5..0.6), &[true; 90]);
+        mouth.take_shapes(
+            &mut after,
+            &LipShapes::at("oo", 0.5..0.6),
+            &[true; 90],
+            &Array2::zeros(before.weights.dim()),
+        );
         assert_eq!(after, before);
     }
 }

@@ -6,18 +6,59 @@
 
 use std::ops::Range;
 
-use ndarray::{Array2, ArrayRef2, ArrayView1, ArrayViewMut1};
+use ndarray::{Array1, Array2, ArrayRef2, ArrayView1, ArrayViewMut1, Axis};
+
+use crate::{conditions::EventTrack, motion::smoothed};
 
 /// If the network moves a shape by less than this, the shape follows the event's own rise and fall.
 const UNHEARD: f32 = 0.02;
 /// Frames with less than this share of the largest change do not limit the gain.
 const LEAST_SHARE: f32 = 0.1;
+/// Within a slot a unit keeps at least this share of its largest difference for each unit of strength.
+const HELD: f32 = 0.7;
+/// Standard deviation of the Gaussian that smooths the network's course within a slot, seconds.
+const COURSE_S: f64 = 0.08;
 /// Largest factor by which a shape's change grows.
 const MAX_GAIN: f32 = 6.0;
 
+/// Lets the difference that events make in `weights` `[T, S]` compared with `plain`, the same speech
+/// without them, rise and fall as `events.shown` does.
+///
+/// The network itself goes from nothing to a full smile within a tenth of a second. Its own course
+/// within the slots remains: the difference for each unit of strength, which is held beyond them.
+pub(super) fn retime(
+    weights: &mut Array2<f32>,
+    plain: &ArrayRef2<f32>,
+    events: &EventTrack,
+    fps: f64,
+) {
+    for (s, shown) in events.shown.axis_iter(Axis(1)).enumerate() {
+        let (mask, plain) = (events.mask.column(s), plain.column(s));
+        let mut weights = weights.column_mut(s);
+        for run in runs(shown) {
+            let in_slot = |t: &usize| mask[*t] == shown[*t];
+            let for_one = |t: usize| (t, (weights[t] - plain[t]) / mask[t]);
+            let mut course: Vec<(usize, f32)> = run.clone().filter(in_slot).map(for_one).collect();
+            let most = course.iter().map(|(_, by)| *by).fold(0.0, f32::max);
+            let held = |by: &mut f32| *by = by.max(HELD * most);
+            course.iter_mut().for_each(|(_, by)| held(by));
+            let held = run.clone().map(|t| {
+                let next = course.partition_point(|(frame, _)| *frame <= t);
+                course
+                    .get(next.saturating_sub(1))
+                    .map_or(0.0, |(_, by)| *by)
+            });
+            let course = smoothed(&held.collect::<Array1<f32>>(), COURSE_S * fps);
+            for (t, by) in run.zip(course) {
+                weights[t] = plain[t] + shown[t] * by;
+            }
+        }
+    }
+}
+
 /// Scales the difference that events make in `weights` `[T, S]` compared with `plain`, the same
 /// speech without them. The largest weight of each shape under an event then equals the strength in
-/// `mask` `[T, S]` (Z of eq. 6, times the factor of β). If the speech alone already exceeds that
+/// `mask` `[T, S]` (Z of eq. 6 as it shows, times the factor of β). If the speech alone already exceeds that
 /// strength during the event, its weights stay as they are in `plain`.
 pub(super) fn calibrate(weights: &mut Array2<f32>, plain: &ArrayRef2<f32>, mask: &ArrayRef2<f32>) {
     for s in 0..mask.ncols() {

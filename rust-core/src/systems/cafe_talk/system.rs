@@ -5,7 +5,9 @@ use std::path::Path;
 use ndarray::{Array2, Array3, s};
 
 use super::{
-    CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, window_cache::WindowCache,
+    CafeTalkConfig, Denoiser, Guidance, Request,
+    calibration::{calibrate, retime},
+    window_cache::WindowCache,
 };
 use crate::{
     Result,
@@ -25,6 +27,10 @@ use crate::{
 /// Built-in weights of the denoiser.
 pub static MODEL: BuiltIn =
     BuiltIn::sized(&anyface_weights_cafe_talk::CAFE_TALK_COMPACT, "cafe_talk");
+
+/// Factor on the onset of emotions. The denoiser reacts to the middle of a change more steeply than in
+/// proportion to it.
+const EASING: f32 = 1.3;
 
 /// Multiplies the model's own β of eq. 6.
 static EVENTS: Control = Control {
@@ -79,6 +85,7 @@ static PERFORMANCE: &[Control] = &[
     control_named("head_motion"),
     control_named("gaze"),
     control_named("tongue"),
+    control_named("onset"),
     control_named("variety"),
 ];
 
@@ -154,9 +161,9 @@ impl CafeTalk {
         }
     }
 
-    /// Samples weights `[T, M]`. If there are events, also samples without them, and [`calibrate`]
-    /// scales the difference to the strength of each event times `strength`. Guidance as printed is
-    /// not calibrated.
+    /// Samples weights `[T, M]`. If there are events, also samples without them. [`retime`] lets the
+    /// difference come and go as on a face, and [`calibrate`] scales it to the strength of each event
+    /// times `strength`. Guidance as printed has neither.
     fn calibrated(
         &self,
         request: Request<'_>,
@@ -180,7 +187,8 @@ impl CafeTalk {
         };
         let plain = self.denoiser.sample(&plain, &half(0.0))?;
         let mut weights = self.denoiser.sample(&request, &half(0.5))?;
-        calibrate(&mut weights, &plain, &(strength * &events.mask));
+        retime(&mut weights, &plain, events, self.config().fps);
+        calibrate(&mut weights, &plain, &(strength * &events.shown));
         Ok(weights)
     }
 
@@ -195,11 +203,14 @@ impl CafeTalk {
         let fps = config.fps;
         let speech = heard.features(fps);
         let affect = request.emotion.sample(speech.nrows(), fps);
+        let onset = EASING * request.onset();
+        let affect = self.expressions.eased(affect, fps, onset);
         let guidance = self.guidance(request);
         let edge_s = if guidance.is_printed { 0.0 } else { EDGE_S };
         let shapes = &config.channels;
-        let events = EventTrack::of(&request.events, shapes, speech.nrows(), fps, edge_s);
-        let plain_events = EventTrack::of(&[], shapes, speech.nrows(), fps, edge_s);
+        let (time, onset) = ((speech.nrows(), fps), f64::from(request.onset()));
+        let events = EventTrack::of(&request.events, shapes, time, edge_s, onset);
+        let plain_events = EventTrack::of(&[], shapes, time, edge_s, onset);
         let steps = STEPS.value(&request.controls) as usize;
         let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
         let mut weights = self.calibrated(
@@ -223,12 +234,14 @@ impl CafeTalk {
         )?;
         // Units that no network has learned set the least weights of their shapes.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
-        Ok(WeightClip {
+        let mut clip = WeightClip {
             names: shapes.clone(),
             weights,
             fps,
             together: Vec::new(),
-        })
+        };
+        clip.hush(&events.shut, &(&events.shown + &events.put_on));
+        Ok(clip)
     }
 
     /// Adds the performer, or one that `corrects`, as far as shapes can show it.
@@ -306,12 +319,14 @@ impl System for CafeTalk {
         };
         let controls = PerformanceControls::from(&request.controls);
         let contacts = heard.contacts(request.closures.as_deref());
-        let frames = clip.weights.nrows();
-        let events = EventTrack::of(&request.events, &clip.names, frames, clip.fps, EDGE_S);
+        let time = (clip.weights.nrows(), clip.fps);
+        let onset = f64::from(request.onset());
+        let events = EventTrack::of(&request.events, &clip.names, time, EDGE_S, onset);
         let over_speech = &events.over_speech;
         let mut shaped = clip.clone();
+        let of_events = EVENTS.value(&request.controls) * &events.shown + &events.put_on;
         self.mouth
-            .take_shapes(&mut shaped, &contacts.shapes, over_speech);
+            .take_shapes(&mut shaped, &contacts.shapes, over_speech, &of_events);
         self.add_performer(&mut shaped, heard, request, true)?;
         let mut performed = shaped.apply_controls(&self.modes, &cues, &controls)?;
         self.lower_lip

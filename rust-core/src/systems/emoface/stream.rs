@@ -10,7 +10,9 @@ use crate::{
     audio::SAMPLE_RATE_HZ,
     conditions::{EMOTIONS, Emotion},
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkFrame, LiveClosures, MotionStream, WidthGain, mouth_width},
+    motion::{
+        Expressions, Follower, LandmarkFrame, LiveClosures, MotionStream, WidthGain, mouth_width,
+    },
     speech::{
         CausalModel, CausalSpeech, EmotionEar, EmotionEncoder, LiveEar, LiveEmotion, VoiceGate,
     },
@@ -26,6 +28,8 @@ pub struct LiveParts {
     pub emotion: Arc<EmotionEncoder>,
     /// Recognises the voice's emotion and its intensity.
     pub ear: Arc<EmotionEar>,
+    /// How fast each emotion comes and goes.
+    pub expressions: Arc<Expressions>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
     /// Widens the mouth.
@@ -52,11 +56,16 @@ impl LiveParts {
     }
 }
 
+/// Factor on the onset of emotions. Mesh Attention reacts to the middle of a change more steeply than
+/// in proportion to it.
+pub const EASING: f32 = 2.1;
+
 /// A performance in progress, in the default style and starting from rest.
 ///
 /// The emotion comes from the voice, and its level is the ear's intensity, which is low for a
 /// neutral voice. If the host sets an emotion with an intensity above 0, that emotion replaces the
-/// voice's and the intensity is its level. The lips close where the sound has p, b or m.
+/// voice's and the intensity is its level. Emotions come and go as fast as on a face. The lips close
+/// where the sound has p, b or m.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
@@ -66,44 +75,10 @@ pub struct EmoFaceStream {
     ear: LiveEar,
     state: Progressing,
     style: usize,
+    /// The emotion that was set. It counts if its intensity is above 0.
     emotion: Emotion,
-    /// Mean features of the emotion that was set, `[E]`.
-    set: Option<Vec<f32>>,
-    heard: Following,
-}
-
-/// The time constant in seconds with which the face follows the ear. The ear updates three times a
-/// second.
-const FOLLOW_S: f64 = 0.3;
-
-/// Strengths of the voice's emotions, smoothed by a one-pole filter of time constant [`FOLLOW_S`].
-struct Following {
-    strengths: [f32; EMOTIONS.len()],
-    share: f32,
-}
-
-impl Following {
-    fn new(fps: f64) -> Following {
-        Following {
-            strengths: [0.0; EMOTIONS.len()],
-            share: (1.0 - (-1.0 / (FOLLOW_S * fps)).exp()) as f32,
-        }
-    }
-
-    /// The emotion branch's features for the next frame, `[E]`, and its level.
-    fn next(&mut self, heard: &Emotion, model: &Model) -> Option<(Vec<f32>, f32)> {
-        let mixture = known(model.config(), &heard.mixture);
-        for (strength, share) in self.strengths.iter_mut().zip(mixture) {
-            *strength += self.share * (share * heard.intensity - *strength);
-        }
-        let level: f32 = self.strengths.iter().sum();
-        let mixture = if level > 0.0 {
-            self.strengths.map(|strength| strength / level)
-        } else {
-            Emotion::default().mixture
-        };
-        Some((prototype(model, &mixture).ok()?, level))
-    }
+    /// The strengths that the face shows.
+    follower: Follower,
 }
 
 impl EmoFaceStream {
@@ -124,8 +99,7 @@ impl EmoFaceStream {
             style,
             emotion: Emotion::default(),
             closures: LiveClosures::new(Arc::clone(&parts.closures), None),
-            heard: Following::new(parts.model.config().fps),
-            set: None,
+            follower: Follower::new(EASING),
             parts,
         })
     }
@@ -159,10 +133,22 @@ impl MotionStream for EmoFaceStream {
         let mut feeling = ear.emotion();
         feeling.intensity *= spoken;
         let config = self.parts.model.config();
-        let (emotion, level) = match &self.set {
-            Some(prototype) => (prototype.clone(), self.emotion.intensity),
-            None if config.emotion_ear => self.heard.next(&feeling, &self.parts.model)?,
-            None => (live.at_frame(index, config.fps), feeling.intensity),
+        let is_set = self.emotion.intensity > 0.0;
+        let shown = if is_set { self.emotion } else { feeling };
+        let targets = known(config, &shown.mixture).map(|share| share * shown.intensity);
+        let strengths = self
+            .follower
+            .step(&targets, &self.parts.expressions, config.fps);
+        let level: f32 = strengths.iter().sum();
+        let emotion = if is_set || config.emotion_ear {
+            let mixture = if level > 0.0 {
+                strengths.map(|strength| strength / level)
+            } else {
+                Emotion::default().mixture
+            };
+            prototype(&self.parts.model, &mixture).ok()?
+        } else {
+            live.at_frame(index, config.fps)
         };
         let heard = HeardFrame {
             content: ArrayView1::from(&content),
@@ -192,13 +178,15 @@ impl MotionStream for EmoFaceStream {
             return Ok(());
         }
         emotion.check_finite()?;
-        self.set = if emotion.intensity > 0.0 {
-            Some(prototype(&self.parts.model, &emotion.mixture)?)
-        } else {
-            None
-        };
+        if emotion.intensity > 0.0 {
+            prototype(&self.parts.model, &emotion.mixture)?;
+        }
         self.emotion = *emotion;
         Ok(())
+    }
+
+    fn set_onset(&mut self, onset: f32) {
+        self.follower.onset = EASING * onset;
     }
 
     fn hear_all(&mut self) {

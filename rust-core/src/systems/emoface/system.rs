@@ -11,7 +11,7 @@ use super::{
     EmoFaceConfig, HeardFrame, Layer, Model,
     emotion_source::EmotionSource,
     read_template,
-    stream::{EmoFaceStream, LiveParts, known, landmarks, prototype, said_width},
+    stream::{EASING, EmoFaceStream, LiveParts, known, landmarks, prototype, said_width},
 };
 use crate::{
     Error, Result,
@@ -235,13 +235,15 @@ impl EmoFace {
         let model = Arc::new(Model::new(config, &weights)?);
         let ear = Arc::new(EmotionEar::open(folder)?);
         let modes = Arc::new(FaceModes::open(folder)?);
-        let live = live_parts(folder, &model, &source, &ear, &modes)?.map(Arc::new);
+        let expressions = Arc::new(Expressions::open(folder)?);
+        let live = live_parts(folder, &model, &source, (&ear, &expressions), &modes)?;
+        let live = live.map(Arc::new);
         Ok(EmoFace {
             space: Arc::new(TemplateSpace { model, template }),
             source,
             live,
             modes,
-            expressions: Arc::new(Expressions::open(folder)?),
+            expressions,
         })
     }
 
@@ -281,6 +283,7 @@ impl EmoFace {
     ) -> Result<(Array2<f32>, Vec<f32>)> {
         let fps = self.config().fps;
         let level = LEVEL.value(&request.controls);
+        let onset = EASING * request.onset();
         let from = EMOTION_FROM.value(&request.controls) as usize;
         let curve = match from {
             VOICE if self.config().emotion_ear => match &request.emotion_of {
@@ -300,11 +303,11 @@ impl EmoFace {
                         vec![1.0; frames],
                     ),
                     None => {
-                        let curve = heard.emotion_curve(progress)?;
-                        let sure = (0..frames).map(|t| curve.at(t as f64 / fps).intensity);
+                        let affect = heard.emotion_curve(progress)?.sample(frames, fps);
+                        let affect = self.expressions.eased(affect, fps, onset);
                         (
                             self.source.at_frames(&heard.voice, frames, fps, progress)?,
-                            sure.collect(),
+                            affect.column(EMOTIONS.len()).to_vec(),
                         )
                     }
                 };
@@ -313,7 +316,9 @@ impl EmoFace {
             EMOTION if self.branch_knows(&request.emotion) => request.emotion.clone(),
             _ => EmotionCurve::Off,
         };
-        let affect = curve.sample(frames, fps);
+        let affect = self
+            .expressions
+            .eased(curve.sample(frames, fps), fps, onset);
         let mut rows = Array2::zeros((frames, self.config().emotion_channels));
         let mut levels = vec![0.0; frames];
         for (t, row) in affect.outer_iter().enumerate() {
@@ -475,7 +480,7 @@ fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,
     source: &EmotionSource,
-    ear: &Arc<EmotionEar>,
+    (ear, expressions): (&Arc<EmotionEar>, &Arc<Expressions>),
     modes: &FaceModes,
 ) -> Result<Option<LiveParts>> {
     let input = &model.config().speech;
@@ -495,6 +500,7 @@ fn live_parts(
         closures: Arc::new(LiveClosures::open(folder)?),
         emotion: Arc::clone(emotion),
         ear: Arc::clone(ear),
+        expressions: Arc::clone(expressions),
         model: Arc::clone(model),
         width: WidthGain::new(modes)?,
         silence: OnceLock::new(),
@@ -510,13 +516,14 @@ mod tests {
         let files = MODEL.open(None).unwrap();
         let weights = Weights::from_bytes(&files.weights).unwrap();
         let ear = Arc::new(EmotionEar::open(None).unwrap());
+        let expressions = Arc::new(Expressions::open(None).unwrap());
         let has_stream = |fps: f64| {
             let config = EmoFaceConfig::from_json(&files.config).unwrap();
             let config = EmoFaceConfig { fps, ..config };
             let source = EmotionSource::open(None, &config).unwrap();
             let model = Arc::new(Model::new(config, &weights).unwrap());
             let modes = FaceModes::open(None).unwrap();
-            live_parts(None, &model, &source, &ear, &modes)
+            live_parts(None, &model, &source, (&ear, &expressions), &modes)
                 .unwrap()
                 .is_some()
         };

@@ -137,6 +137,10 @@ impl MotionStream for CausalStream {
         Ok(())
     }
 
+    fn set_onset(&mut self, onset: f32) {
+        self.expression.set_onset(onset);
+    }
+
     fn set_performer(&mut self, performer: Option<Arc<Performer>>, strength: f32) -> Result<()> {
         if let Some(performer) = &performer {
             performer.check_live(self.speech.hidden().len())?;

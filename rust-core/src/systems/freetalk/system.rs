@@ -121,6 +121,7 @@ impl FreeTalk {
             EmotionOrigin::Added => &EmotionCurve::Off,
         };
         let affect = emotion.sample(features.nrows(), fps);
+        let affect = self.expressions.eased(affect, fps, request.onset());
         let steps = STEPS.value(&request.controls) as usize;
         let displacements = self.ats.get()?.sample(
             &AtsRequest {

@@ -90,7 +90,7 @@ fn prototype(table: &Expressions, category: usize) -> Array2<f64> {
     let mut affect = Array2::zeros((1, EMOTIONS.len() + 1));
     affect[[0, category]] = 1.0;
     affect[[0, EMOTIONS.len()]] = 1.0;
-    let settled = table.alone(affect.view(), 25.0);
+    let settled = table.alone(affect.view(), 25.0, 1.0);
     settled.index_axis(Axis(0), 0).mapv(f64::from)
 }
 

@@ -241,9 +241,9 @@ fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<S
     let track = EventTrack::of(
         &[event(unit, 1.0, false)],
         &weights.names,
-        frames,
-        fps,
+        (frames, fps),
         EDGE_S,
+        1.0,
     );
     weights.weights += &track.mask;
     of_weights(speaker, clip, weights)

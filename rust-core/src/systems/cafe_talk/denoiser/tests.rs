@@ -56,7 +56,9 @@ fn guided_runs_over_two_windows_match_pytorch() {
         let events = EventTrack {
             active: active.clone(),
             mask: strength.clone(),
+            shown: strength.clone(),
             put_on: strength.clone(),
+            shut: vec![0.0; strength.nrows()],
             over_speech: vec![name == "over_speech"; strength.nrows()],
         };
         let sampling = denoiser.config().sampling;
