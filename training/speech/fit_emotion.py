@@ -112,8 +112,11 @@ def fitted(rows: Rows, use: np.ndarray, seed: int = 0) -> EmotionLayer:
 
 
 def groups(rows: Rows) -> list[set[str]]:
-    """Corpora of readers that are left out together: those of one language or room."""
-    readers = sorted(set(rows.source) - set(SHARES))
+    """Corpora of readers that are left out together: those of one room.
+
+    Half of `MANY_SPEAKERS` are pauses and noise, which count little in a whole sound.
+    """
+    readers = sorted(set(rows.source) - set(SHARES) - {MANY_SPEAKERS})
     together = [GRID & set(readers), *({source} for source in readers if source not in GRID)]
     return [group for group in together if group]
 
