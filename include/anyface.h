@@ -392,8 +392,6 @@ void anyface_progress_free(AnyfaceProgress *progress);
 /// - "speech_dir", a text: a folder of a HuBERT or wav2vec2 model (`config.json` and
 ///   `model.safetensors`) that replaces the built-in speech encoder. "weights_dir" must then hold
 ///   weights that were trained with it.
-/// - "emotion_model_dir", a text: a folder of a model that replaces the built-in recognition of
-///   emotions wherever the emotion is taken from the voice: Whisper base (`openai/whisper-base`).
 /// - "cache", a text: a folder for results that depend only on a mesh, or "off". Without it they
 ///   are kept in the user's cache folder, bounded in size.
 /// - "threads", a number: worker threads; 0, the default, for one per core. The result does not
