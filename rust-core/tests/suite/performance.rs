@@ -129,11 +129,6 @@ fn shapes_come_from_the_models_of_the_engine() {
     assert!(refused.contains("rig/model.safetensors"), "{refused}");
 }
 
-fn golden(name: &str) -> Vec<u8> {
-    let goldens = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens");
-    fs::read(goldens.join(name).with_extension("safetensors")).unwrap()
-}
-
 /// Writes an ear for emotion, to which class `class` of three is certain for any sound.
 fn write_ear(folder: &Path, class: usize) {
     /// Three numbers for each of 512 channels, and 118 of the voice.
