@@ -269,7 +269,7 @@ def stand_in(addon, engine=None):
     """Replaces the engine of every system by `engine`, or by a new stage."""
     engine = engine or Stage(addon("core.take"))
     names = [system.name for system in addon("core.systems").known()]
-    keys = [(name, None, 0, None) for name in ("", *names)]
+    keys = [(name, None, 0) for name in ("", *names)]
     addon("ui.running")._engines.update(dict.fromkeys(keys, engine))
     return engine
 

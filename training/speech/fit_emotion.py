@@ -26,8 +26,9 @@ TOWARDS_MEAN = 0.7
 """A clip of `MANY_SPEAKERS` is not yet a voice, so it is moved towards the mean of its source."""
 STEPS, BATCH, RATE, DECAY = 400, 1024, 0.01, 0.01
 DOUBT, ALLOWED = 0.7, 0.05
-"""`FLOOR` of rust-core/src/speech/shown_emotion.rs, and the share of neutral readings of unknown corpora that
-may reach it. The bias of neutral is moved so far."""
+"""Probability of any emotion from which people see it (a fifth of its strength, by the rule of
+rust-core/src/speech/shown_emotion.rs), and the share of neutral readings of unknown corpora that may reach
+it. The bias of neutral is moved so far."""
 GRID = {"grid_s1", "grid_five"}
 
 

@@ -800,8 +800,8 @@ fn texts_become_units_or_are_refused_with_a_hint() {
         (unit["unit"].as_str(), unit["side"].as_str()),
         (Some("45"), Some("right"))
     );
-    let near = "got \"livid\"; the nearest that is understood: \"angry\"";
-    refused(&folder, &["units", "livid"], INVALID_INPUT, near);
+    let near = "got \"tetchy\"; the nearest that is understood: \"ashamed\"";
+    refused(&folder, &["units", "tetchy"], INVALID_INPUT, near);
     let blue = "got \"the blue car\"";
     refused(&folder, &["units", "the blue car"], INVALID_INPUT, blue);
     refused(

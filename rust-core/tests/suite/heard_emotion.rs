@@ -116,7 +116,7 @@ fn actors_who_were_never_heard_are_shown_as_they_feel() {
 
 #[test]
 #[ignore = "needs ../shared"]
-fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
+fn a_low_voice_is_no_emotion() {
     let ear = WhisperEar::open(None).unwrap();
     let lower = |sound: &Waveform| {
         let count = sound.samples.len() * 5 / 4;
@@ -150,7 +150,8 @@ fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
             judged.iter().filter(shown).count()
         };
         assert!(judged.len() >= 5);
-        assert_eq!(shown(None) > judged.len() / 3, is_low, "{}", shown(None));
+        let alone = shown(None);
+        assert!(alone <= judged.len() / 5, "low: {is_low}, {alone}");
         assert!(shown(Some(&neutral)) <= judged.len() / 5);
     }
 }

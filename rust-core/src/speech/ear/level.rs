@@ -23,7 +23,7 @@ const QUIETEST: f32 = -6.5;
 /// Whisper's own limit, 8 decades under the loudest band of the whole sound, moves with a single
 /// click. This one is fixed once a sound has its level, so loud and quiet copies of a sound have the
 /// same features. `samples`: at 16 kHz, at least 400.
-pub(in crate::speech) fn ear_mel(samples: &[f32]) -> Array2<f32> {
+pub(crate) fn ear_mel(samples: &[f32]) -> Array2<f32> {
     let mel = decades(samples);
     let loudest = |row: &[f32]| row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let rows = mel.rows().into_iter();

@@ -8,13 +8,13 @@ use super::{
 };
 use crate::{
     conditions::Emotion,
-    speech::{VoiceWindow, shown_emotion::shown},
+    speech::{VoiceWindow, shown_emotion::shown_live},
 };
 
 /// Instants that are stored and count as the whole sound, a minute and a half.
 const MEMORY: usize = 300;
 
-/// Recognises emotion as `EmotionEar::heard` does without a neutral voice, with two differences. The
+/// Recognises emotion as [`super::WhisperEar::heard`] does, by the small network, with two more differences. The
 /// whole sound is that of the last minute and a half, and the moment is the second before now.
 pub struct LiveEar {
     ear: Arc<EmotionEar>,
@@ -57,6 +57,6 @@ impl LiveEar {
         let whole = layer.evidence(self.heard.iter(), self.loudest);
         let newest = self.heard.iter().rev().take(AROUND + 1);
         let near = layer.evidence(newest, self.loudest);
-        shown(&layer.probabilities(&near, &whole))
+        shown_live(&layer.probabilities(&near, &whole))
     }
 }

@@ -157,7 +157,6 @@ impl System for FreeTalk {
             emotion: config.emotion,
             styles: &config.styles,
             windows: Some(config.windows()),
-            ..Description::default()
         }
     }
 
