@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import torch
 
-from training import DATA, shipped
+from training import shipped
 from training.flags import run_command
 from training.nn.checkpoint import restored, write_model
 from training.speech.emotion_ear import ARRAYS, EmotionEarConfig, EmotionEarNet, read_ear, row_of
@@ -35,7 +35,7 @@ def rows_of_net(net: EmotionEarNet, data: Path, kokoro: Path | None) -> Rows:
 
 
 def main(
-    data: Path = DATA,
+    data: Path,
     kokoro: Annotated[Path | None, "folder of Kokoro's model; none: without its voices"] = None,
     net: Annotated[Path | None, "net.pt of training.speech.distil_emotion; none: the model's own"] = None,
     rows: Annotated[Path, "rows of all sounds, kept from run to run"] = Path("runs/emotion/live_rows.pt"),

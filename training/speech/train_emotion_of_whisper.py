@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training import DATA, shipped
+from training import shipped
 from training.corpus import crema_d, emodb
 from training.corpus.revoice import other_room
 from training.flags import run_command
@@ -93,7 +93,7 @@ def mel_in_room(samples: np.ndarray, random: np.random.Generator) -> Tensor:
 
 
 def main(
-    data: Path = DATA,
+    data: Path,
     kokoro: Annotated[Path | None, "folder of Kokoro's model; none: without its voices"] = None,
     rows: Annotated[Path, "rows of all sounds, kept from run to run"] = Path("runs/emotion/rows.pt"),
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
