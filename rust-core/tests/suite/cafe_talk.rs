@@ -33,7 +33,7 @@ fn voice(seconds: f32) -> Waveform {
 }
 
 /// A request with events in the form of the command line, and with nothing that chance adds.
-fn request_with(events: &[&str]) -> MotionRequest {
+pub fn request_with(events: &[&str]) -> MotionRequest {
     let still = [
         "blinks_per_minute",
         "brow_accents",

@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
+    Engine, Error, MotionRequest, Result,
     audio::Waveform,
     conditions::{Controls, EmotionCurve},
     face::FaceOptions,
@@ -17,20 +17,11 @@ use anyface::{
 };
 use ndarray::{Array2, Array3, Axis};
 
-use crate::{head, voice::babble};
+use crate::{engine, head, voice::babble};
 
 const SECONDS: f32 = 2.0;
 
 static ENGINE: LazyLock<Engine> = LazyLock::new(|| engine("emoface"));
-
-fn engine(system: &str) -> Engine {
-    Engine::new(EngineOptions {
-        system: Some(system.into()),
-        cache: CachePolicy::Off,
-        ..EngineOptions::default()
-    })
-    .unwrap()
-}
 
 fn voice(seconds: f32) -> Waveform {
     Waveform {

@@ -1,16 +1,16 @@
 //! What events move on a face, what they leave alone, and how fast.
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, MotionRequest, Performance,
+    Engine, MotionRequest, Performance,
     audio::Waveform,
-    conditions::{ACTION_UNITS, Controls, EmotionCurve, MENU},
+    conditions::{ACTION_UNITS, EmotionCurve, MENU},
     job::SILENT,
     motion::Motion,
     text::Reader,
 };
 use ndarray::{Array3, ArrayView2, Axis, s};
 
-use crate::voice::babble;
+use crate::{cafe_talk::request_with, engine, voice::babble};
 
 /// What each event must and must not move.
 const TABLE: &str = include_str!("event_table.txt");
@@ -31,15 +31,6 @@ fn rows() -> Vec<(&'static str, Vec<&'static str>)> {
     lines.map(row).collect()
 }
 
-fn engine(system: &str) -> Engine {
-    Engine::new(EngineOptions {
-        system: Some(system.into()),
-        cache: CachePolicy::Off,
-        ..EngineOptions::default()
-    })
-    .unwrap()
-}
-
 fn silence(seconds: f64) -> Waveform {
     let samples = vec![0.0; (16_000.0 * seconds) as usize];
     Waveform { samples }
@@ -47,20 +38,9 @@ fn silence(seconds: f64) -> Waveform {
 
 /// A request with nothing that chance adds.
 fn calm() -> MotionRequest {
-    let still = [
-        "blinks_per_minute",
-        "brow_accents",
-        "gaze",
-        "head_motion",
-        "variety",
-    ];
-    let controls = still.iter().fold(Controls::default(), |controls, name| {
-        controls.with(name, 0.0)
-    });
     MotionRequest {
         fps: FPS,
-        controls,
-        ..MotionRequest::default()
+        ..request_with(&[])
     }
 }
 

@@ -30,3 +30,15 @@ mod spread;
 mod voice;
 mod weight_stream;
 mod weights;
+
+use anyface::{CachePolicy, Engine, EngineOptions};
+
+/// The engine of a system, without a cache.
+fn engine(system: &str) -> Engine {
+    Engine::new(EngineOptions {
+        system: Some(system.into()),
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    })
+    .unwrap()
+}

@@ -3,21 +3,12 @@
 use std::{path::PathBuf, sync::Arc};
 
 use anyface::{
-    CachePolicy, CapturedTake, Engine, EngineOptions, MotionRequest, audio::Waveform,
-    conditions::Controls, job::SILENT, motion::LandmarkClip,
+    CapturedTake, Engine, MotionRequest, audio::Waveform, conditions::Controls, job::SILENT,
+    motion::LandmarkClip,
 };
 use ndarray::{Array1, s};
 
-use crate::voice::intoned;
-
-fn engine(system: &str) -> Engine {
-    Engine::new(EngineOptions {
-        system: Some(system.into()),
-        cache: CachePolicy::Off,
-        ..EngineOptions::default()
-    })
-    .unwrap()
-}
+use crate::{engine, voice::intoned};
 
 /// A request with some controls, and with nothing that chance adds beside the speech.
 fn request_with(controls: &[(&str, f32)]) -> MotionRequest {
