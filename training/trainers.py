@@ -6,7 +6,6 @@ python -m training.trainers --write docs/training.md  # replaces the old one
 
 import argparse
 import importlib
-import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -51,8 +50,8 @@ def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
 
     try:
         with patch.object(argparse.ArgumentParser, "parse_args", ask):
-            needs = inspect.signature(trainer.main).parameters.values()
-            if any(parameter.default is parameter.empty for parameter in needs):
+            # A function whose parameters are the flags would train if it were called by itself.
+            if hasattr(trainer, "run_command"):
                 run_command(trainer.main)
             trainer.main()
     except ParserReached as reached:
