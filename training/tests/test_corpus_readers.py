@@ -26,7 +26,14 @@ VERTICES, TRIANGLES = face_mesh()
 
 def sound(path: Path, rate_hz: int = 16000) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    soundfile.write(path, spoken(SECONDS, 1), rate_hz)
+    soundfile.write(path, at_rate(rate_hz), rate_hz)
+
+
+def at_rate(rate_hz: int) -> np.ndarray:
+    """The made-up voice at a rate."""
+    samples = spoken(SECONDS, 1)
+    times = np.arange(int(SECONDS * rate_hz)) / rate_hz
+    return np.interp(times, np.arange(len(samples)) / 16000, samples)
 
 
 def ply(path: Path, vertices: np.ndarray, binary: bool = True) -> None:
@@ -59,6 +66,12 @@ def frames(fps: float) -> np.ndarray:
     return follow(talking(SECONDS, 1, fps))
 
 
+EMOVOCA = [
+    ("FaceTalk_170728_03272_TA", "Afraid", 0, 1), ("FaceTalk_170728_03272_TA", "Irritated1", 2, 1),
+    ("FaceTalk_170728_03272_TA", "Sad1", 3, 2), ("FaceTalk_170809_00138_TA", "Smile2", 4, 3),
+    ("FaceTalk_170809_00138_TA", "Drunk2", 5, 3), ("FaceTalk_170809_00138_TA", "Moody", 7, 2),
+]  # fmt: skip
+"""Speaker, expression, its number in EmoVOCA, and level."""
 TA, HELD = "FaceTalk_170728_03272_TA", "FaceTalk_170809_00138_TA"
 
 
@@ -66,7 +79,7 @@ def vocaset_published(source: Path) -> None:
     ply(source / "template/FLAME_sample.ply", VERTICES)
     for speaker in (TA, HELD):
         sound(source / f"audio/{speaker}/sentence01.wav", 22000)
-        for number, frame in enumerate(frames(60.0)[:80]):
+        for number, frame in enumerate(frames(60.0)):
             ply(source / f"unposedcleaneddata/{speaker}/sentence01/sentence01.{number:06d}.ply", frame)
 
 
@@ -77,46 +90,73 @@ def vocaset_arrays(source: Path) -> None:
     half = len(values) // 2
     first, second = ({i: start + i for i in range(half)} for start in (0, half))
     index = {TA: {"sentence01": first}, HELD: {"sentence02": second}}
-    said = {"audio": (2**15 * spoken(SECONDS, 1)).astype(np.int16), "sample_rate": 22000}
+    said = {"audio": (2**15 * at_rate(22000)).astype(np.int16), "sample_rate": 22000}
     sounds = {TA: {"sentence01": said}, HELD: {"sentence02": said}}
     for name, value in (("subj_seq_to_idx", index), ("raw_audio_fixed", sounds)):
         (source / f"{name}.pkl").write_bytes(pickle.dumps(value, protocol=2))
     templates(source, TA, HELD)
 
 
-def flat(source: Path, names: list[str], fps: float, scale: float) -> None:
-    ply(source / "any.ply", scale * VERTICES)
-    (source / "vertices_npy").mkdir()
+def flat(source: Path, names: list[str], fps: float, scale: float, place: str = "vertices_npy") -> None:
+    """NAME.npy [T, 3 V] and wav/NAME.wav, and one of each without a partner: loaders leave those out."""
+    (source / place).mkdir()
     for name in names:
-        np.save(source / f"vertices_npy/{name}.npy", scale * frames(fps).reshape(-1, VERTICES.size))
+        np.save(source / place / f"{name}.npy", scale * frames(fps).reshape(-1, VERTICES.size))
         sound(source / f"wav/{name}.wav")
+    np.save(source / place / f"{names[0]}0.npy", np.zeros((9, VERTICES.size)))
+    sound(source / f"wav/{names[0]}1.wav")
 
 
-def vocaset_flat(source: Path) -> None:
-    flat(source, [f"{TA}_sentence01", f"{HELD}_sentence01"], 30.0, 1.0)
+def vocaset_flat(source: Path, fps: float = 60.0) -> None:
+    """As process_voca_data.py of FaceFormer, CodeTalker and SelfTalk writes it: all frames."""
+    ply(source / "templates/FLAME_sample.ply", VERTICES)
+    flat(source, [f"{TA}_sentence01", f"{HELD}_sentence01"], fps, 1.0)
     templates(source, TA, HELD)
 
 
+def vocaset_halved(source: Path) -> None:
+    vocaset_flat(source, 30.0)
+
+
 def biwi(source: Path) -> None:
-    flat(source, ["F2_e01", "M3_38"], 25.0, 5.0)
-    (source / "templates.pkl").write_bytes(pickle.dumps({n: 5.0 * VERTICES for n in ("F2", "M3")}))
+    ply(source / "templates/BIWI.ply", 5.0 * VERTICES)
+    flat(source, ["F2_e01", "F2_01", "M3_34", "M3_38", "F7_01"], 25.0, 5.0)
+    shown = {n: 5.0 * VERTICES.reshape(-1) for n in ("F2", "M3", "F7")}
+    (source / "templates.pkl").write_bytes(pickle.dumps(shown))
+
+
+def biwi6(source: Path) -> None:
+    """As ScanTalk reads it."""
+    flat(source, ["F2_01", "F2_e01", "F7_38", "M6_01"], 25.0, 5.0, "vertices")
+    for speaker in ("F2", "F7", "M6"):
+        obj(source / f"templates/{speaker}.obj", 5.0 * VERTICES)
+
+
+def multiface_flat(source: Path) -> None:
+    """As ScanTalk reads it."""
+    names = ["20180227_SEN_a_good_morrow", "20190828_SEN_a_good_morrow", "20181017_SEN_a_good_morrow"]
+    flat(source, names, 30.0, 5.0, "vertices")
+    for name in names:
+        ply(source / f"templates/{name.split('_')[0]}.ply", 5.0 * VERTICES)
 
 
 def multiface(source: Path) -> None:
+    """As published: every third number of a frame, a pose of the head beside each."""
     person = source / "m--20180227--0000--6795937--GHS"
-    for take in ("EXP_neutral_peak", *(f"SEN_{i}" for i in range(10))):
-        for number, frame in enumerate(1000.0 * frames(30.0)[:20]):
-            path = person / f"tracked_mesh/{take}/{number:06d}.obj"
+    for take in ("E001_Neutral_Eyes_Open", *(f"SEN_{i}" for i in range(10))):
+        for number, frame in enumerate(1000.0 * frames(30.0)):
+            path = person / f"tracked_mesh/{take}/{3 * number + 102:06d}.obj"
             obj(path, frame) if number == 0 or take == "SEN_1" else None
             if take != "SEN_1":
                 path.parent.mkdir(parents=True, exist_ok=True)
                 frame.astype(np.float32).tofile(path.with_suffix(".bin"))
+            path.with_name(f"{path.stem}_transform.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n")
         if take.startswith("SEN"):
             sound(person / f"audio/{take}.wav")
 
 
 def ravdess(source: Path) -> None:
-    mead(source)
+    mead(source, 30.0)
     for old, new in (
         ("happy_level_2_001", "03-01-03-02-01-01-12"),
         ("neutral_level_1_001", "03-01-01-01-01-01-24"),
@@ -127,7 +167,8 @@ def ravdess(source: Path) -> None:
             (source / f"M003/{old}.{ending}").rename(actor / f"{new}.{ending}")
 
 
-def mead(source: Path) -> None:
+def mead(source: Path, fps: float = 25.0) -> None:
+    count = int(SECONDS * fps)
     random = np.random.default_rng(0)
     directions = np.zeros((len(VERTICES), 3, EXPRESSION + 100))
     directions[..., EXPRESSION] = 1e-3 * random.standard_normal(VERTICES.shape)
@@ -138,23 +179,39 @@ def mead(source: Path) -> None:
              "posedirs": np.zeros((len(VERTICES), 3, 36)), "J_regressor": regressor,
              "weights": skinning}  # fmt: skip
     (source / "generic_model.pkl").write_bytes(pickle.dumps(model, protocol=2))
-    open_ = opening(np.arange(50) / 25.0, 1)
-    jaw, pose = 0.2 * open_[:, None] * [[1.0, 0.0, 0.0]], np.zeros((50, 6))
+    open_ = opening(np.arange(count) / fps, 1)
+    jaw, pose = 0.2 * open_[:, None] * [[1.0, 0.0, 0.0]], np.zeros((count, 6))
     pose[:, 3:] = jaw
     (source / "M003").mkdir()
-    shown = {"exp": 0.1 * random.random((50, 50)), "jaw": jaw, "shape": np.zeros(100)}
+    shown = {"exp": 0.1 * random.random((count, 50)), "jaw": jaw, "shape": np.zeros(100)}
     np.savez(source / "M003/happy_level_2_001.npz", **shown)
-    shown = {"exp": np.zeros((50, 50)), "pose": pose, "shape": np.zeros((1, 100))}
+    shown = {"exp": np.zeros((count, 50)), "pose": pose, "shape": np.zeros((1, 100))}
     np.savez(source / "M003/neutral_level_1_001.npz", **shown)
     for name in ("happy_level_2_001", "neutral_level_1_001"):
         sound(source / f"M003/{name}.wav")
 
 
-def emovoca(source: Path) -> None:
+def emovoca(source: Path, fps: float = 60.0) -> None:
+    """As emovoca_generator.py writes it."""
+    ply(source / "template/flame_model/FLAME_sample.ply", VERTICES)
+    templates(source, TA, HELD)
+    folders = ("sequences", "label", "intensity", "landmarks_sequences")
+    for folder in folders:
+        (source / folder).mkdir()
+    for speaker, label, number, level in EMOVOCA:
+        name = f"{speaker}_sentence01_{label}_{level}"
+        values = (frames(fps), np.array(number), np.array(level), np.zeros((9, 68, 3)))
+        for folder, value in zip(folders, values, strict=True):
+            np.save(source / folder / f"{name}.npy", value)
+        sound(source / f"wav/{name}.wav")
+
+
+def emovoca_plain(source: Path) -> None:
+    """Sequences beside the sounds of VOCASET."""
     ply(source / "FLAME_sample.ply", VERTICES)
     templates(source, TA, HELD)
     for speaker, label in ((TA, "happy_1"), (TA, "sad_3"), (HELD, "angry_2")):
-        np.save(source / f"{speaker}_sentence01_{label}.npy", frames(60.0))
+        np.save(source / f"{speaker}_sentence01_{label}.npy", frames(30.0))
         sound(source / f"audio/{speaker}_sentence01.wav")
 
 
@@ -198,14 +255,18 @@ def openface(source: Path) -> None:
 
 
 CASES = {
-    "vocaset published": ("vocaset", vocaset_published, {TA: "train", HELD: "test"}, "vertices", 80),
+    "vocaset published": ("vocaset", vocaset_published, {TA: "train", HELD: "test"}, "vertices", 120),
     "vocaset for training": ("vocaset", vocaset_arrays, {TA: "train", HELD: "test"}, "vertices", 120),
-    "vocaset of FaceFormer": ("vocaset", vocaset_flat, {TA: "train", HELD: "test"}, "vertices", 60),
-    "biwi": ("biwi", biwi, {"F2": "train", "M3": "test"}, "vertices", 50),
-    "multiface": ("multiface", multiface, {}, "vertices", 20),
+    "vocaset of FaceFormer": ("vocaset", vocaset_flat, {TA: "train", HELD: "test"}, "vertices", 120),
+    "vocaset, halved": ("vocaset", vocaset_halved, {TA: "train", HELD: "test"}, "vertices", 60),
+    "biwi": ("biwi", biwi, {"F2": "train", "F7": "test"}, "vertices", 50),
+    "biwi of ScanTalk": ("biwi", biwi6, {"F2": "train", "F7": "val", "M6": "test"}, "vertices", 50),
+    "multiface": ("multiface", multiface, {}, "vertices", 60),
+    "multiface of ScanTalk": ("multiface", multiface_flat, {}, "vertices", 60),
     "mead": ("mead", mead, {"M003": "train"}, "vertices", 50),
-    "ravdess": ("ravdess", ravdess, {"actor12": "train", "actor24": "test"}, "vertices", 50),
+    "ravdess": ("ravdess", ravdess, {"actor12": "train", "actor24": "test"}, "vertices", 60),
     "emovoca": ("emovoca", emovoca, {TA: "train", HELD: "test"}, "vertices", 120),
+    "emovoca beside vocaset": ("emovoca", emovoca_plain, {TA: "train", HELD: "test"}, "vertices", 60),
     "beat": ("beat", beat, {}, "weights", 120),
     "live link face": ("live_link_face", live_link_face, {"phone": "train"}, "weights", 120),
     "openface": ("openface", openface, {"eve": "train"}, "landmarks", 60),
@@ -239,11 +300,58 @@ def test_a_corpus_becomes_a_folder(tmp_path, name, capsys):
     assert "can train: systems.freetalk.train" in capsys.readouterr().out
 
 
+WIDE = "m--20180227--0000--6795937--GHS"
+PUBLIC = {
+    "vocaset published": (60.0, {f"{TA}_sentence01": "train", f"{HELD}_sentence01": "test"}),
+    "vocaset for training": (60.0, {f"{TA}_sentence01": "train", f"{HELD}_sentence02": "test"}),
+    "vocaset of FaceFormer": (60.0, {f"{TA}_sentence01": "train", f"{HELD}_sentence01": "test"}),
+    "vocaset, halved": (30.0, {f"{TA}_sentence01": "train", f"{HELD}_sentence01": "test"}),
+    "biwi": (25.0, {"F2_01": "train", "F2_e01": "train unknown", "M3_34": "val", "M3_38": "test",
+                    "F7_01": "test"}),
+    "biwi of ScanTalk": (25.0, {"F2_01": "train", "F2_e01": "train unknown", "F7_38": "val",
+                                "M6_01": "test"}),
+    "multiface": (30.0, {f"{WIDE}_SEN_{i}": "train" if i < 9 else "test" for i in range(10)}),
+    "multiface of ScanTalk": (30.0, {"20180227_SEN_a_good_morrow": "train",
+                                     "20190828_SEN_a_good_morrow": "val",
+                                     "20181017_SEN_a_good_morrow": "test"}),
+    "mead": (25.0, {"M003_happy_level_2_001": "train happy 0.667", "M003_neutral_level_1_001": "train"}),
+    "ravdess": (30.0, {"Actor_12_03-01-03-02-01-01-12": "train happy 1",
+                       "Actor_24_03-01-01-01-01-01-24": "test"}),
+    "emovoca": (60.0, {f"{TA}_sentence01_Afraid_1": "train afraid 0.333",
+                       f"{TA}_sentence01_Irritated1_1": "train angry 0.333",
+                       f"{TA}_sentence01_Sad1_2": "train sad 0.667",
+                       f"{HELD}_sentence01_Smile2_3": "test happy 1",
+                       f"{HELD}_sentence01_Drunk2_3": "test drunk 1",
+                       f"{HELD}_sentence01_Moody_2": "test upset 0.667"}),
+    "emovoca beside vocaset": (30.0, {f"{TA}_sentence01_happy_1": "train happy 0.333",
+                                      f"{TA}_sentence01_sad_3": "train sad 1",
+                                      f"{HELD}_sentence01_angry_2": "test angry 0.667"}),
+}  # fmt: skip
+"""For each layout the frame rate, and the clips that the code which published it reads from the same files,
+with split, emotion and intensity (if none is given, neutral 0)."""
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_corpus_is_read_as_the_code_reads_it_that_published_it(tmp_path, name):
+    fps, expected = PUBLIC[name]
+    folder = converted(tmp_path, name)
+    facts = {row.clip: f"{row.split} {row.emotion} {row.intensity:g}" for row in folder.rows}
+    defaults = ("train", "neutral", "0")
+    said = {clip: text.split() for clip, text in expected.items()}
+    assert facts == {clip: " ".join([*words, *defaults[len(words) :]]) for clip, words in said.items()}
+    assert folder.fps["vertices"] == fps
+    for row in folder.rows:
+        seconds = len(folder.vertices(row).values) / fps
+        assert abs(seconds - len(folder.sound(row)) / 16000) < 0.05, row.clip
+
+
 def test_labels_come_from_names():
     assert label_of("M003_front_happy_level_2_001") == ("happy", 0.667)
     assert label_of("_disgusted_3") == ("disgusted", 1.0)
     assert label_of("M003_neutral_level_1_001") == ("neutral", 0.0)
     assert label_of("M003_001") == ("unknown", 0.0)
+    assert label_of("_Irritated1_2") == ("angry", 0.667)
+    assert label_of("_Ashamed_3") == ("ashamed", 1.0)
 
 
 def test_names_of_ravdess_say_who_says_what_and_how(tmp_path):

@@ -9,8 +9,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from training.corpus.checked import CorpusError, read_npz
-from training.corpus.readers.sequences import vocaset_split
-from training.corpus.readers.tables import found_files, need_table, numbers, read_mesh, read_pickle, sound_of
+from training.corpus.readers.sequences import HALVED, vocaset_split
+from training.corpus.readers.tables import (
+    found_files,
+    need_table,
+    numbers,
+    rate_of,
+    read_mesh,
+    read_pickle,
+    read_sequence,
+    sound_of,
+)
 from training.corpus.writer import CorpusWriter
 
 EMOTIONS = {
@@ -18,8 +27,11 @@ EMOTIONS = {
     "disgust": "disgusted", "fear": "afraid", "afraid": "afraid", "happy": "happy",
     "happiness": "happy", "neutral": "neutral", "sad": "sad", "sadness": "sad",
     "surprised": "surprised", "surprise": "surprised", "moderate": "neutral", "pleased": "pleased",
-    "upset": "upset", "ill": "ill", "drunk": "drunk", "suspicious": "suspicious",
+    "upset": "upset", "ill": "ill", "drunk": "drunk", "suspicious": "suspicious", "irritated": "angry",
+    "smile": "happy", "moody": "upset", "ashamed": "ashamed",
 }  # fmt: skip
+BESIDE_SEQUENCES = {"label", "intensity", "landmarks_sequences"}
+"""Folders of EmoVOCA whose files have the names of sequences."""
 LEVELS = 3
 """MEAD records every emotion at three levels. The strongest counts as intensity 1."""
 MEAD_FPS, EMOVOCA_FPS, RAVDESS_FPS = 25.0, 60.0, 30.0
@@ -32,12 +44,12 @@ JAW = 2
 
 
 def label_of(name: str) -> tuple[str, float]:
-    """Emotion and intensity from the words in a name: `M003_happy_level_2_001`, `…_sentence01_sad_3`."""
-    words = re.split(r"[\W_]+", name.lower())
-    emotion = next((EMOTIONS[word] for word in words if word in EMOTIONS), None)
-    if emotion is None:
+    """Emotion and intensity from the words in a name: `M003_happy_level_2_001`, `…_sentence01_Sad1_3`."""
+    words = [re.sub(r"(?<=[a-z])\d+$", "", word) for word in re.split(r"[\W_]+", name.lower())]
+    label = next((word for word in words if word in EMOTIONS), None)
+    if label is None:
         return "unknown", 0.0
-    label = next(word for word in words if word in EMOTIONS)
+    emotion = EMOTIONS[label]
     after = words[words.index(label) + 1 :]
     if after[:1] == ["level"]:
         after = after[1:]
@@ -48,25 +60,36 @@ def label_of(name: str) -> tuple[str, float]:
 def emovoca(source: Path, folder: Path, landmarks: Path | None) -> Path:
     """Reads EmoVOCA (Nocentini et al. 2024).
 
-    Its files are SPEAKER_sentenceNN_EMOTION_LEVEL.npy [T, 5023, 3], templates.pkl and FLAME_sample.ply.
-    Each sequence has a sound in `audio`, of the same stem or of the stem SPEAKER_sentenceNN.
+    Its files are SPEAKER_sentenceNN_EMOTION_LEVEL.npy [T, 5023, 3], in `sequences` or anywhere but in
+    `label`, `intensity` and `landmarks_sequences`, with VOCASET's templates.pkl and FLAME_sample.ply. Each
+    sequence has a sound in `wav` or `audio`, of the same stem or of the stem SPEAKER_sentenceNN. The rate is
+    60 fps as in VOCASET, or 30 if there are only half as many frames for a second of sound.
     """
     table = need_table(landmarks, "flame")
     neutral, triangles = read_mesh(found_files(source, "FLAME_sample.ply")[0])
-    writer = CorpusWriter(folder, "emovoca", "m", topology="flame", fps={"vertices": EMOVOCA_FPS})
-    writer.mesh("neutral", neutral, triangles)
-    writer.landmark_table(table)
-    for speaker, mesh in read_pickle(source / "templates.pkl").items():
-        writer.mesh(speaker, numbers(mesh).reshape(-1, 3), triangles)
+    pairs = []
     for path in found_files(source, "*sentence*.npy"):
+        if BESIDE_SEQUENCES & set(path.relative_to(source).parts[:-1]):
+            continue
         spoken = re.match(r"(.+)_(sentence\d+)", path.stem)
         if spoken is None:
-            raise CorpusError(path, None, "a name like SPEAKER_sentence01_happy_2", path.stem)
-        writer.clip(path.stem, spoken[1], vocaset_split(spoken[1]), *label_of(path.stem[spoken.end() :]))
-        has_sound = any((source / "audio").glob(f"{path.stem}.*"))
-        writer.sound_file(path.stem, sound_of(source / "audio", path.stem if has_sound else spoken[0]))
-        values = np.load(path, mmap_mode="r")
-        writer.vertices(path.stem, values.reshape(len(values), -1, 3))
+            raise CorpusError(path, None, "a name like SPEAKER_sentence01_Sad1_2", path.stem)
+        sounds = source / "wav" if (source / "wav").is_dir() else source / "audio"
+        has_sound = any(sounds.glob(f"{path.stem}.*"))
+        pairs.append((path, sound_of(sounds, path.stem if has_sound else spoken[0])))
+    if not pairs:
+        raise CorpusError(source, None, "sequences/SPEAKER_sentence01_Sad1_2.npy", "none")
+    fps = {"vertices": rate_of(pairs, (EMOVOCA_FPS, EMOVOCA_FPS / HALVED))}
+    writer = CorpusWriter(folder, "emovoca", "m", topology="flame", fps=fps)
+    writer.mesh("neutral", neutral, triangles)
+    writer.landmark_table(table)
+    for speaker, mesh in read_pickle(found_files(source, "templates.pkl")[0]).items():
+        writer.mesh(speaker, numbers(mesh).reshape(-1, 3), triangles)
+    for path, sound in pairs:
+        speaker, said = re.match(r"(.+?)_sentence\d+(.*)", path.stem).groups()
+        writer.clip(path.stem, speaker, vocaset_split(speaker), *label_of(said))
+        writer.sound_file(path.stem, sound)
+        writer.vertices(path.stem, read_sequence(path, len(neutral)))
     return writer.close()
 
 

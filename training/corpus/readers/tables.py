@@ -5,6 +5,7 @@ import pickle
 from pathlib import Path
 
 import numpy as np
+import soundfile
 
 from training.corpus.checked import CorpusError, need_shape, number_of
 from training.corpus.folder import SOUNDS
@@ -117,6 +118,27 @@ def sound_of(folder: Path, stem: str) -> Path:
     raise CorpusError(
         folder, None, expected + " (ffmpeg -i CLIP.mov -ar 16000 CLIP.wav takes it out)", others
     )
+
+
+def pairs_of(motions: Path, sounds: Path) -> list[tuple[Path, Path]]:
+    """Motion NAME.npy and sound NAME of the clips that have both, as public loaders pair them."""
+    motion_files, pairs = found_files(motions, "*.npy"), []
+    for path in motion_files:
+        kinds = [sounds / f"{path.stem}{ending}" for ending in SOUNDS]
+        pairs += [(path, sound) for sound in kinds if sound.exists()][:1]
+    if not pairs:
+        sound_of(sounds, motion_files[0].stem)
+    return pairs
+
+
+def rate_of(pairs: list[tuple[Path, Path]], rates: tuple[float, ...]) -> float:
+    """The one of `rates` that is nearest to the frames per second of sound in the clips."""
+    measured = []
+    for motion, sound in pairs:
+        seconds = soundfile.info(sound).duration
+        measured.append(len(np.load(motion, mmap_mode="r")) / max(seconds, 1e-3))
+    rate = max(float(np.median(measured)), 1e-3)
+    return min(rates, key=lambda known: abs(np.log(known / rate)))
 
 
 def found_files(source: Path, pattern: str) -> list[Path]:
