@@ -38,6 +38,7 @@ from training.systems.freetalk.ats import AtsConfig, Sampling
 from training.text.stored import arrays, config_of, load_tower
 
 Run = Annotated[Path, "what the model's trainer wrote"]
+HEAD = shipped("facetalk_compact")
 
 
 @dataclass
@@ -118,14 +119,16 @@ def emoface(run: Run) -> Iterator[Model]:
 
 
 def facetalk(
-    head: Annotated[Path, "head.pt"],
-    motion: Annotated[Path | None, "motion.pt; none: a head without speech"] = None,
+    head: Annotated[Path, "head.pt, or a model folder, whose models stay where none is named"] = HEAD,
+    motion: Annotated[Path | None, "motion.pt of training.systems.facetalk.train_motion"] = None,
     landmark_motion: Annotated[Path | None, "motion.pt of `--memory landmarks`"] = None,
 ) -> Iterator[Model]:
     """A head, and the models that move it: by speech, and by the motion of landmarks."""
-    paths = zip(facetalk_files.MOTIONS, (motion, landmark_motion), strict=True)
-    motions = {name: facetalk_files.load_motion(path) for name, path in paths if path is not None}
-    head = facetalk_files.load_head(head)
+    head, motions = facetalk_files.load_head_and_motions(head)
+    for kind, path in zip(facetalk_files.MOTIONS, (motion, landmark_motion), strict=True):
+        if path is not None:
+            motions[kind] = facetalk_files.load_motion(path)
+            facetalk_files.check_fit(path, motions[kind], head)
     name, exact = f"facetalk_{head.config.name}", facetalk_files.EXACT
     yield Model(name, *facetalk_files.joined(head, motions), exact)
 

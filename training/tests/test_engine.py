@@ -14,11 +14,13 @@ import torch
 
 from training import REPOSITORY
 from training.export import export
+from training.export import main as command_line
 from training.speech import whisper
 from training.systems.cafe_talk import train as train_cafe_talk
 from training.systems.cafe_talk.denoiser import CONFIGS as CAFE_TALK
 from training.systems.emoface import train as train_emoface
 from training.systems.emoface.model import CONFIGS as EMOFACE
+from training.systems.facetalk import train_motion as train_facetalk
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import CONFIGS
 from training.systems.freetalk.stm import train as train_stm
@@ -144,6 +146,19 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
     export("emoface", models, run=trained)
     options += ["--weights", str(models), "--system", "emoface"]
     moves(animate(faces, tmp_path, *options), built_in)
+
+
+def test_facetalk_moves_a_mesh_as_the_corpus_taught_it(faces, built_in, tmp_path):
+    flags = ["--corpus", str(faces), "--config", "debug", "--out", str(tmp_path / "run"), "--steps", "6"]
+    flags += ["--windows", "4", "--frames", "24", "--validation-clips", "0"]
+    trained = train_facetalk.train(train_facetalk.parser().parse_args(flags))
+    command_line(["facetalk", "--motion", str(trained), "--models", str(tmp_path / "models")])
+    mine = animate(faces, tmp_path, "--weights", str(tmp_path / "models"), "--system", "facetalk")
+    moves(mine, built_in)
+    (tmp_path / "shipped").mkdir()
+    assert np.abs(mine - animate(faces, tmp_path / "shipped", "--system", "facetalk")).max() > 1e-5
+    kept = json.loads((tmp_path / "models/facetalk_compact/config.json").read_text())
+    assert {"motion", "landmark_motion"} <= set(kept) and kept["motion"]["codes"] == kept["expression_code"]
 
 
 DECODERS = [("static", "static"), ("static", "debug"), *(("paper", name) for name in PAPER)]

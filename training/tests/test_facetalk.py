@@ -1,11 +1,15 @@
 """FaceTalk's head: mirrored anchors, blending, closed-form codes, fits, and what is exported comes back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 
 from training.corpus.heads import Places, drawn_places, neck_rim, vertex_normals, winding_number
+from training.export import export
+from training.nn.checkpoint import save as save_model
 from training.nn.checkpoint import write_model
 from training.systems.facetalk.config import CONFIGS, debug_config
 from training.systems.facetalk.fit_codes import SequenceFit, fit_identity, fit_sequence
@@ -211,3 +215,11 @@ def test_winding_number_of_a_box_and_the_rim_of_an_open_one():
     box, faces = np.concatenate(sides), np.concatenate(faces)
     places = np.array([[0.0, 0.0, 0.0], [0.5, -0.5, 0.2], [1.6, 0.0, 0.0], [0.0, -3.0, 0.0]])
     np.testing.assert_allclose(winding_number(places, box, faces), [1.0, 1.0, 0.0, 0.0], atol=0.03)
+
+
+def test_a_motion_model_of_another_head_is_not_exported(tmp_path):
+    config = replace(debug_motion(), codes=7)
+    save_model(tmp_path / "motion.pt", Denoiser(config))
+    with pytest.raises(ValueError, match="expected 64 expression codes, as its head has, found 7"):
+        export("facetalk", tmp_path / "models", motion=tmp_path / "motion.pt")
+    assert not (tmp_path / "models").exists()

@@ -21,7 +21,7 @@ from training.corpus.poses import LIDS, Poses
 from training.systems.facetalk.expression_loss import lid_pairs, lip_pairs
 from training.systems.facetalk.fit_codes import SequenceFit, fit_free, fit_identity, fit_sequence
 from training.systems.facetalk.head import Head
-from training.systems.facetalk.stored import load_folder, load_head
+from training.systems.facetalk.stored import load_head_and_motions
 
 UNSEEN_SEED = 9_000_000
 """Offset of the seeds of evaluation. Training uses small seeds, so it never draws the same numbers."""
@@ -300,7 +300,7 @@ def main() -> None:
     parts = list(MEASURES)
     parser.add_argument("--parts", nargs="*", choices=parts, default=parts[:5])
     arguments = parser.parse_args()
-    head = load_folder(arguments.head)[0] if arguments.head.is_dir() else load_head(arguments.head)
+    head = load_head_and_motions(arguments.head)[0]
     heads = IctHeads(arguments.data, arguments.cache, head.config.open_jaw)
     for part in arguments.parts:
         MEASURES[part](head, heads, arguments.data, arguments.heads)

@@ -57,3 +57,15 @@ def load_folder(folder: Path) -> tuple[Head, dict[str, Denoiser]]:
         if name in config
     }
     return restored(Head(HeadConfig.from_json(config)), state), motions
+
+
+def load_head_and_motions(path: Path) -> tuple[Head, dict[str, Denoiser]]:
+    """Loads a head.pt, which no model moves, or an exported folder, in f32."""
+    return load_folder(path) if path.is_dir() else (load_head(path), {})
+
+
+def check_fit(path: Path, motion: Denoiser, head: Head) -> None:
+    """Raises `ValueError` if the model of `path` moves another head, with other codes of expressions."""
+    expected, found = head.config.expression_code, motion.config.codes
+    if expected != found:
+        raise ValueError(f"{path}: expected {expected} expression codes, as its head has, found {found}")

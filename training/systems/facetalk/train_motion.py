@@ -45,7 +45,7 @@ from training.systems.facetalk.motion import (
     sample,
 )
 from training.systems.facetalk.recipes import MOTION
-from training.systems.facetalk.stored import load_folder, load_head
+from training.systems.facetalk.stored import load_head_and_motions
 from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.45, "grid_five": 0.2, "facegood_zh": 0.35}
@@ -243,7 +243,7 @@ def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
 
 def head_of(path: Path) -> Head:
     """Loads a head.pt, or the head of a model folder."""
-    return load_folder(path)[0] if path.is_dir() else load_head(path)
+    return load_head_and_motions(path)[0]
 
 
 def train(arguments) -> Path:
