@@ -42,10 +42,15 @@ def read_voted(data: Path) -> Iterator[VotedSpeech]:
     folder = data / "speech" / SOURCE
     with open(folder / "clips.tsv", newline="") as file:
         rows = list(csv.DictReader(file, delimiter="\t"))
-    held_out = set(sorted({row["actor"] for row in rows})[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY])
+    kept = held_out(rows)
     for row in rows:
         counts = {ours: int(row[f"heard_{theirs}"]) for theirs, ours in VOTED.items()}
         total = max(sum(counts.values()), 1)
         yield VotedSpeech(row["clip"], row["actor"], ACTED[row["acted"]],
                           {emotion: count / total for emotion, count in counts.items()},
-                          row["actor"] in held_out, read_sound(folder / f"{row['clip']}.ogg"))  # fmt: skip
+                          row["actor"] in kept, read_sound(folder / f"{row['clip']}.ogg"))  # fmt: skip
+
+
+def held_out(rows: list[dict[str, str]]) -> list[str]:
+    """The actors whom no training hears, from the rows of `clips.tsv`."""
+    return sorted({row["actor"] for row in rows})[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY]

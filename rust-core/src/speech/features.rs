@@ -132,7 +132,8 @@ impl SpeechFeatures {
         Ok(self.heard_emotion.get())
     }
 
-    /// Hears the emotion of another recording, which the face is to show.
+    /// Hears the emotion of another recording, which the face is to show. Its intensity is that of a
+    /// recording that was chosen for its emotion.
     ///
     /// # Errors
     /// Those of [`WhisperEar::heard`].
@@ -142,7 +143,12 @@ impl SpeechFeatures {
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         if let Some(ear) = &self.ear {
-            self.other_emotion = Some(ear.heard(other, None, progress)?);
+            let mut heard = ear.heard(other, None, progress)?;
+            if let EmotionCurve::Keys(keys) = heard.curve_on_purpose() {
+                let intensities = keys.iter().map(|(_, emotion)| f64::from(emotion.intensity));
+                heard.intensity = intensities.map(|x| (x * 1e3).round() / 1e3).collect();
+            }
+            self.other_emotion = Some(heard);
         }
         Ok(())
     }

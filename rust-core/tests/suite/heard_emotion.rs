@@ -1,6 +1,6 @@
 //! The ear hears emotion and invents none: neutral strangers stay still, and acted emotion shows.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
@@ -10,6 +10,7 @@ use anyface::{
     motion::Motion,
     speech::{NeutralVoice, VoiceTrack, WhisperEar},
 };
+use ndarray::{Array2, Axis};
 
 /// People see an emotion from this intensity on.
 const SEEN: f32 = 0.2;
@@ -191,4 +192,75 @@ fn emoface_feels_nothing_with_a_neutral_stranger() {
         shifts.len() >= 5 && moved <= shifts.len() / 5,
         "{shifts:?} mm"
     );
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn a_borrowed_emotion_shows_as_strongly_as_the_same_one_by_name() {
+    let engine = crate::engine("emoface");
+    let line = &recordings("motion/grid_s1/audio", 1000, |_| true)[0];
+    let still = ["blinks_per_minute", "brow_accents", "variety"];
+    let controls = still
+        .iter()
+        .fold(Controls::default(), |all, name| all.with(name, 0.0));
+    let calm = MotionRequest {
+        controls,
+        ..MotionRequest::default()
+    };
+    // The mean face over the line, and the performance.
+    let performed = |request: &MotionRequest| {
+        let performance = engine.perform(line, request, SILENT).unwrap();
+        let Motion::Codes(clip) = &performance.motion else {
+            panic!("expected codes")
+        };
+        let face = clip.landmarks.displacements.mean_axis(Axis(0)).unwrap();
+        (face, performance)
+    };
+    let off = MotionRequest {
+        controls: calm.controls.with("emotion_from", 2.0),
+        ..calm.clone()
+    };
+    let (rest, _) = performed(&off);
+    let size = |face: &Array2<f32>| {
+        let moved = face - &rest;
+        1e3 * (&moved * &moved).sum().sqrt()
+    };
+    let borrowed = |sound: &Waveform| {
+        performed(&MotionRequest {
+            emotion_of: Some(Arc::new(VoiceTrack::checked(sound).unwrap())),
+            ..calm.clone()
+        })
+    };
+    let mut shares = Vec::new();
+    for letter in ['W', 'F', 'T'] {
+        let is_his = |file: &str| file.starts_with("09") && file[5..].starts_with(letter);
+        for sound in recordings("speech/emodb_de", 3, is_his) {
+            let (face, performance) = borrowed(&sound);
+            let heard = performance.heard_emotion().unwrap();
+            let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+            let emotions = heard
+                .probability
+                .iter()
+                .filter(|(name, _)| *name != "neutral");
+            let likeliest = emotions.max_by(|a, b| mean(a.1).total_cmp(&mean(b.1)));
+            let (name, intensity) = (likeliest.unwrap().0, mean(&heard.intensity));
+            let by_name = MotionRequest {
+                emotion: EmotionCurve::parse(&format!("{name}:{intensity}")).unwrap(),
+                ..calm.clone()
+            };
+            shares.push(size(&face) / size(&performed(&by_name).0));
+        }
+    }
+    shares.sort_by(f32::total_cmp);
+    assert!(shares.len() >= 6, "{shares:?}");
+    assert!(shares[shares.len() / 2] > 0.9, "{shares:?}");
+    let neutral = recordings("speech/emodb_de", 2, |file| {
+        file.starts_with("09") && file[5..].starts_with('N')
+    });
+    let mut moved: Vec<f32> = neutral
+        .iter()
+        .map(|sound| size(&borrowed(sound).0))
+        .collect();
+    moved.sort_by(f32::total_cmp);
+    assert!(moved[moved.len() / 2] < 1.0, "{moved:?} mm");
 }

@@ -59,6 +59,8 @@ impl LiveParts {
 /// Factor on the onset of emotions. Mesh Attention reacts to the middle of a change more steeply than
 /// in proportion to it.
 pub const EASING: f32 = 2.1;
+/// The strength from which an emotion's own features move the face.
+const FAINT: f32 = 0.2;
 
 /// A performance in progress, in the default style and starting from rest.
 ///
@@ -146,7 +148,7 @@ impl MotionStream for EmoFaceStream {
             } else {
                 Emotion::default().mixture
             };
-            prototype(&self.parts.model, &mixture).ok()?
+            faded_features(&self.parts.model, &mixture, level).ok()?
         } else {
             live.at_frame(index, config.fps)
         };
@@ -204,6 +206,20 @@ impl MotionStream for EmoFaceStream {
     fn fps(&self) -> f64 {
         self.speech.config().fps
     }
+}
+
+/// Features for the emotion branch, `[E]`: those of the emotions that it knows in a mixture. Below the
+/// strength [`FAINT`] they fade to those of neutral, because Mesh Attention gives the mouth to the emotion
+/// branch even where the emotion has no strength.
+pub fn faded_features(model: &Model, mixture: &[f32], strength: f32) -> Result<Vec<f32>> {
+    let x = (strength / FAINT).clamp(0.0, 1.0);
+    let share = x * x * (3.0 - 2.0 * x);
+    let neutral = Emotion::default().mixture;
+    let mut faded = [0.0; EMOTIONS.len()];
+    for ((to, of), rest) in faded.iter_mut().zip(mixture).zip(neutral) {
+        *to = share * of + (1.0 - share) * rest;
+    }
+    prototype(model, &known(model.config(), &faded))
 }
 
 /// The mean features of a mixture of the fifteen emotions, `[E]`.

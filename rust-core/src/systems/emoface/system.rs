@@ -11,7 +11,7 @@ use super::{
     EmoFaceConfig, HeardFrame, Layer, Model,
     emotion_source::EmotionSource,
     read_template,
-    stream::{EASING, EmoFaceStream, LiveParts, known, landmarks, prototype, said_width},
+    stream::{EASING, EmoFaceStream, LiveParts, faded_features, known, landmarks, said_width},
 };
 use crate::{
     Error, Result,
@@ -322,10 +322,9 @@ impl EmoFace {
         let mut rows = Array2::zeros((frames, self.config().emotion_channels));
         let mut levels = vec![0.0; frames];
         for (t, row) in affect.outer_iter().enumerate() {
-            let (mixture, strength) = (known(self.config(), &row.to_vec()), row[EMOTIONS.len()]);
-            let features = prototype(self.model(), &mixture)?;
+            levels[t] = level * row[EMOTIONS.len()];
+            let features = faded_features(self.model(), &row.to_vec(), levels[t])?;
             rows.row_mut(t).assign(&ArrayView1::from(&features));
-            levels[t] = level * strength;
         }
         Ok((rows, levels))
     }
