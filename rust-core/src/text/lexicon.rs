@@ -5,7 +5,7 @@ use crate::conditions::ActionUnit;
 
 /// Phrases and the units that they stand for. Each word may have any of its forms (`|` between
 /// them). An earlier phrase takes its words away from later ones.
-const PHRASES: [(&str, &str); 13] = [
+const PHRASES: [(&str, &str); 14] = [
     ("press|presses|pressed|pressing lip|lips", "23"),
     ("lip|lips press|presses|pressed|pressing", "23"),
     ("tighten|tightens|tightened|tightening lip|lips", "23"),
@@ -24,6 +24,7 @@ const PHRASES: [(&str, &str); 13] = [
         "4 6 7 10",
     ),
     ("funnel|funnels|funnelled|funneled", "22"),
+    ("haughty|haughtily|supercilious", "1 2 14 17"),
     ("eyes up|upwards|heavenwards", "63"),
 ];
 /// Words for rolling eyes. They mean more than eyes that look up.
@@ -34,7 +35,7 @@ const ROLLING: &str = "68";
 /// Words for emotions, and for each a word with the same meaning that the text space knows well.
 const FEELINGS: [(&str, &str); 11] = [
     (
-        "livid|fuming|irked|miffed|peeved|hostile|grumpy|crabby",
+        "livid|wrathful|fuming|irked|miffed|peeved|hostile|grumpy|crabby",
         "angry",
     ),
     ("petrified|spooked|shaken", "afraid"),

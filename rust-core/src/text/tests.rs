@@ -61,6 +61,7 @@ fn words_that_no_network_has_learned_are_understood() {
         ("puckers", &["18"]),
         ("presses her lips", &["23"]),
         ("the lips part", &["25"]),
+        ("a haughty look", &["1", "2", "14", "17"]),
         ("smiles and looks up", &["12", "63"]),
     ] {
         assert_eq!(units(&words.understand(text).unwrap()), expected, "{text}");
