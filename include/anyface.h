@@ -979,7 +979,8 @@ AnyfaceStatus anyface_motion_new(const AnyfaceEngine *engine,
                                  AnyfaceError **error);
 
 /// Performs the same speech with other controls, another emotion, or another seed of blinks and
-/// accents. It takes only milliseconds, because nothing is heard or sampled again.
+/// accents. It takes only milliseconds, because nothing is heard or sampled again. Another `onset`
+/// takes longer in systems whose models have learned emotion, because they sample again.
 ///
 /// Style, frame rate and everything else that the system samples with stay those of `motion`. If
 /// the models have learned emotion themselves (the built-in ones have not), the emotion that they

@@ -14,8 +14,8 @@ use crate::{
     face::Face,
     job::{ProgressFn, SILENT, report},
     motion::{
-        ARTICULATION, BESIDE_THE_FACE, BREATH, GAZE, HEAD, Life, LifeStrengths, Motion,
-        MotionRequest, Stretch, TONGUE, begin_in, begin_tongue_in,
+        ARTICULATION, BESIDE_THE_FACE, BREATH, EmotionOrigin, GAZE, HEAD, Life, LifeStrengths,
+        Motion, MotionRequest, ONSET, Stretch, TONGUE, begin_in, begin_tongue_in,
         bounds::{check_life, check_motion},
         check_closures, check_fps,
     },
@@ -57,6 +57,8 @@ pub struct Performance {
     pub(super) heard: Arc<SpeechFeatures>,
     /// The request. If it asks for the emotion of the voice, that emotion is filled in.
     pub(super) request: MotionRequest,
+    /// The request that the system sampled with.
+    sampled_with: Arc<MotionRequest>,
 }
 
 impl Performance {
@@ -72,17 +74,31 @@ impl Performance {
     }
 
     /// Performs the same speech with other controls, another emotion, or another seed of blinks and
-    /// accents. Nothing is heard or sampled again. Everything that the system samples with stays
-    /// the same: the speaker's neutral voice, the style, the frame rate, and also the emotion if
-    /// the models have learned it ([`crate::systems::Description::emotion`]).
+    /// accents. Nothing is heard again, and only another `onset` makes a system whose models have
+    /// learned emotion sample again. Everything else that the system samples with stays the same: the
+    /// speaker's neutral voice, the style, the frame rate, and also the emotion if the models have
+    /// learned it ([`crate::systems::Description::emotion`]).
     ///
     /// # Errors
     /// `InvalidInput` for a request out of range.
     pub fn again(&self, engine: &Engine, request: &MotionRequest) -> Result<Performance> {
         engine.check(request)?;
         let request = engine.resolved(request, &self.heard, SILENT)?;
-        let (sampled, heard) = (self.sampled.clone(), Arc::clone(&self.heard));
-        engine.threads(|| engine.finished(sampled, heard, request))
+        let (mut sampled_with, onset) = (Arc::clone(&self.sampled_with), request.onset());
+        let is_learned = engine.system.description().emotion == EmotionOrigin::Learned;
+        engine.threads(|| {
+            let sampled = if is_learned && onset != sampled_with.onset() {
+                sampled_with = Arc::new(MotionRequest {
+                    controls: sampled_with.controls.with(ONSET, onset),
+                    ..(*sampled_with).clone()
+                });
+                engine.system.sample(&self.heard, &sampled_with, SILENT)?
+            } else {
+                self.sampled.clone()
+            };
+            let heard = Arc::clone(&self.heard);
+            engine.finished((sampled, sampled_with), heard, request)
+        })
     }
 
     /// Performs only the speech, without emotion. The rest of the performance, beside this layer,
@@ -98,6 +114,7 @@ impl Performance {
         }
         engine.threads(|| {
             let sampled = engine.system.sample(&self.heard, &request, progress)?;
+            let sampled = (sampled, Arc::new(request.clone()));
             engine.finished(sampled, Arc::clone(&self.heard), request)
         })
     }
@@ -183,6 +200,7 @@ impl Engine {
             report(progress, "speech", 1.0)?;
             let request = self.resolved(request, &heard, progress)?;
             let sampled = self.system.sample(&heard, &request, progress)?;
+            let sampled = (sampled, Arc::new(request.clone()));
             self.finished(sampled, Arc::new(heard), request)
         })
     }
@@ -240,9 +258,11 @@ impl Engine {
         })
     }
 
+    /// Applies the controls of `request` to what a system `sampled`, which comes with the request that
+    /// the system sampled with.
     fn finished(
         &self,
-        sampled: Sampled,
+        (sampled, sampled_with): (Sampled, Arc<MotionRequest>),
         heard: Arc<SpeechFeatures>,
         request: MotionRequest,
     ) -> Result<Performance> {
@@ -260,6 +280,7 @@ impl Engine {
             sampled,
             heard,
             request,
+            sampled_with,
         })
     }
 

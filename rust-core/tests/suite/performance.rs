@@ -3,7 +3,7 @@
 use std::{fs, path::Path, sync::Arc};
 
 use anyface::{
-    CachePolicy, Engine, EngineOptions, MotionRequest,
+    CachePolicy, Engine, EngineOptions, MotionRequest, Performance,
     audio::Waveform,
     conditions::{ControlCurve, Controls, EmotionCurve},
     job::SILENT,
@@ -44,6 +44,37 @@ fn controls_need_no_new_sampling() {
     let again = plain.again(&engine, &strong).unwrap();
     assert_eq!(run(&strong).motion, again.motion);
     assert_ne!(again.motion, plain.motion);
+}
+
+#[test]
+fn another_onset_is_sampled_again_where_models_have_learned_emotion() {
+    let waveform = Waveform {
+        samples: babble(2.0, 16_000),
+    };
+    let keys = "0:neutral 1:neutral 1.01:happy:1";
+    let request_with = |onset: f32, emotion: &str| MotionRequest {
+        emotion: EmotionCurve::parse_keys(emotion).unwrap(),
+        controls: Controls::default().with("onset", onset),
+        ..MotionRequest::default()
+    };
+    for system in ["cafe-talk", "emoface"] {
+        let engine = crate::engine(system);
+        let run = |onset: f32| {
+            let request = request_with(onset, keys);
+            engine.perform(&waveform, &request, SILENT).unwrap()
+        };
+        let (usual, cut) = (run(1.0), run(0.0));
+        let again = |from: &Performance, onset: f32| {
+            from.again(&engine, &request_with(onset, keys)).unwrap()
+        };
+        let cut_again = again(&usual, 0.0);
+        assert_ne!(usual.motion, cut.motion, "{system}");
+        assert_eq!(cut_again.motion, cut.motion, "{system}");
+        assert_eq!(again(&cut_again, 1.0).motion, usual.motion, "{system}");
+        // The emotion that was sampled stays, whatever is asked for in between.
+        let sad = usual.again(&engine, &request_with(1.0, "0:sad:1")).unwrap();
+        assert_eq!(again(&sad, 0.0).motion, cut.motion, "{system}");
+    }
 }
 
 #[test]
