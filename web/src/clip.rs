@@ -5,14 +5,14 @@ use std::sync::Arc;
 use anyface::{
     Error, Result,
     conditions::{EDGE_S, Event, EventTrack},
+    mesh::ibug::REGIONS,
     motion::Life,
     rig::ARKIT,
 };
-use ndarray::Array2;
 use wasm_bindgen::prelude::*;
 
 use crate::{
-    shapes::{Landmarks, Shapes},
+    shapes::{Landmarks, Shapes, Weights},
     speaker::{Speaker, Spoken},
 };
 
@@ -23,8 +23,57 @@ pub struct Clip {
     fps: f64,
     shapes: Arc<Shapes>,
     events: Vec<Event>,
-    /// Weights of ARKit's shapes that the events add, `[T, 52]`.
-    event_weights: Array2<f32>,
+    /// What the events do in each frame, `[T]`.
+    acts: Vec<Act>,
+}
+
+/// What events do to a face in one frame.
+#[derive(Clone, Copy)]
+pub(crate) struct Act {
+    /// Weights of ARKit's shapes that they add.
+    pub weights: Weights,
+    /// How far they keep the speech from moving mouth and jaw, 0 to 1.
+    pub shut: f32,
+}
+
+impl Act {
+    /// Nothing.
+    pub const NONE: Act = Act {
+        weights: [0.0; _],
+        shut: 0.0,
+    };
+
+    /// What `events` do in each frame, `[frames]`.
+    pub fn of(events: &[Event], frames: usize, fps: f64) -> Vec<Act> {
+        let shapes = ARKIT.map(str::to_owned);
+        let track = EventTrack::of(events, &shapes, (frames, fps), EDGE_S, 1.0);
+        let weight = |t: usize, s: usize| track.shown[[t, s]].max(track.put_on[[t, s]]);
+        let act = |t: usize| Act {
+            weights: std::array::from_fn(|s| weight(t, s)),
+            shut: track.shut[t],
+        };
+        (0..frames).map(act).collect()
+    }
+
+    /// Both at once.
+    pub fn with(&self, other: &Act) -> Act {
+        Act {
+            weights: std::array::from_fn(|s| self.weights[s].max(other.weights[s])),
+            shut: self.shut.max(other.shut),
+        }
+    }
+
+    /// Puts it on the landmarks of speech.
+    pub fn put_on(&self, shapes: &Shapes, landmarks: &mut Landmarks) {
+        let spoken = REGIONS
+            .iter()
+            .filter(|(name, _)| matches!(*name, "mouth" | "jaw"));
+        for landmark in spoken.flat_map(|(_, landmarks)| landmarks.clone()) {
+            let moved = &mut landmarks[3 * landmark..3 * landmark + 3];
+            moved.iter_mut().for_each(|to| *to *= 1.0 - self.shut);
+        }
+        shapes.add(&self.weights, landmarks);
+    }
 }
 
 impl Clip {
@@ -38,14 +87,14 @@ impl Clip {
             fps: speaker.fps(),
             shapes: Arc::clone(speaker.shapes()),
             events: Vec::new(),
-            event_weights: Array2::default((0, 0)),
+            acts: Vec::new(),
         };
-        clip.update_event_weights();
+        clip.update_acts();
         Ok(clip)
     }
 
-    fn update_event_weights(&mut self) {
-        self.event_weights = weights_of(&self.events, self.frames.len(), self.fps);
+    fn update_acts(&mut self) {
+        self.acts = Act::of(&self.events, self.frames.len(), self.fps);
     }
 
     /// Displacements of the landmarks in a frame.
@@ -57,8 +106,7 @@ impl Clip {
             )));
         };
         let mut landmarks = spoken.landmarks;
-        let weights = std::array::from_fn(|s| self.event_weights[[frame, s]]);
-        self.shapes.add(&weights, &mut landmarks);
+        self.acts[frame].put_on(&self.shapes, &mut landmarks);
         Ok(landmarks)
     }
 
@@ -72,16 +120,6 @@ impl Clip {
         }
         life
     }
-}
-
-/// Weights of ARKit's shapes that events ask for, `[frames, 52]`.
-pub(crate) fn weights_of(events: &[Event], frames: usize, fps: f64) -> Array2<f32> {
-    let shapes = ARKIT.map(str::to_owned);
-    let EventTrack { shown, put_on, .. } =
-        EventTrack::of(events, &shapes, (frames, fps), EDGE_S, 1.0);
-    let mut weights = put_on;
-    weights.zip_mut_with(&shown, |to, strength| *to = to.max(*strength));
-    weights
 }
 
 #[wasm_bindgen]
@@ -111,7 +149,7 @@ impl Clip {
     #[wasm_bindgen(js_name = addEvent)]
     pub fn add_event(&mut self, event: &str) -> Result<(), JsError> {
         self.events.push(Event::parse(event)?);
-        self.update_event_weights();
+        self.update_acts();
         Ok(())
     }
 
@@ -119,6 +157,34 @@ impl Clip {
     #[wasm_bindgen(js_name = clearEvents)]
     pub fn clear_events(&mut self) {
         self.events.clear();
-        self.update_event_weights();
+        self.update_acts();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lips_that_an_event_shuts_do_not_speak() {
+        let shapes = Shapes::open().unwrap();
+        let spoken: Landmarks = std::array::from_fn(|i| 1e-3 * (1 + i % 7) as f32);
+        let acts = Act::of(&[Event::parse("1-2:8").unwrap()], 75, 25.0);
+        let [before, during] = [5, 37].map(|t| {
+            let mut landmarks = spoken;
+            acts[t].put_on(&shapes, &mut landmarks);
+            landmarks
+        });
+        assert_eq!(before, spoken);
+        let still = |n: usize| during[3 * n..3 * n + 3].iter().all(|x| x.abs() < 1e-9);
+        assert!((0..17).chain(48..68).all(still), "{during:?}");
+        assert_eq!(during[51..144], spoken[51..144]);
+        let mut smile = Act::of(&[Event::parse("1-2:12").unwrap()], 75, 25.0)[37];
+        smile = smile.with(&acts[37]);
+        let (mut both, mut alone) = (spoken, [0.0; _]);
+        smile.put_on(&shapes, &mut both);
+        shapes.add(&smile.weights, &mut alone);
+        assert!(alone[3 * 54 + 1] > 1e-3, "{}", alone[3 * 54 + 1]);
+        assert_eq!(both[144..], alone[144..]);
     }
 }

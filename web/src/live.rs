@@ -5,18 +5,14 @@ use std::collections::VecDeque;
 use anyface::{Result, conditions::Event};
 use wasm_bindgen::prelude::*;
 
-use crate::{
-    clip::weights_of,
-    shapes::{Landmarks, Weights},
-    speaker::Speaker,
-};
+use crate::{clip::Act, shapes::Landmarks, speaker::Speaker};
 
 /// A performance in progress: push samples, pull frames with [`crate::Engine::live_frame`].
 #[wasm_bindgen]
 pub struct Live {
     speaker: Speaker,
-    /// Weights of ARKit's shapes that events ask for, from the next frame on.
-    event_weights: VecDeque<Weights>,
+    /// What events do from the next frame on.
+    acts: VecDeque<Act>,
     head: [f32; 3],
 }
 
@@ -24,7 +20,7 @@ impl Live {
     pub(crate) fn new(speaker: Speaker) -> Live {
         Live {
             speaker,
-            event_weights: VecDeque::new(),
+            acts: VecDeque::new(),
             head: [0.0; 3],
         }
     }
@@ -33,8 +29,8 @@ impl Live {
         let Some(mut spoken) = self.speaker.next()? else {
             return Ok(None);
         };
-        if let Some(weights) = self.event_weights.pop_front() {
-            self.speaker.shapes().add(&weights, &mut spoken.landmarks);
+        if let Some(act) = self.acts.pop_front() {
+            act.put_on(self.speaker.shapes(), &mut spoken.landmarks);
         }
         self.head = spoken.head;
         Ok(Some(spoken.landmarks))
@@ -71,13 +67,10 @@ impl Live {
         let [rise_s, fall_s] = event.edges_s(1.0);
         event.slot_s = [rise_s, rise_s + seconds];
         let frames = ((rise_s + seconds + fall_s) * self.speaker.fps()).ceil() as usize;
-        let weights = weights_of(&[event], frames, self.speaker.fps());
-        for (t, row) in weights.outer_iter().enumerate() {
-            if self.event_weights.len() == t {
-                self.event_weights.push_back([0.0; _]);
-            }
-            let both = self.event_weights[t].iter_mut().zip(row);
-            both.for_each(|(to, weight)| *to = to.max(*weight));
+        let acts = Act::of(&[event], frames, self.speaker.fps());
+        self.acts.resize(self.acts.len().max(frames), Act::NONE);
+        for (to, act) in self.acts.iter_mut().zip(&acts) {
+            *to = to.with(act);
         }
         Ok(())
     }
