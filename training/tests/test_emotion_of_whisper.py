@@ -13,6 +13,7 @@ from training.speech.fit_emotion import (
     DOUBT,
     beside_neutral,
     calibrated,
+    expecting,
     fitted,
     groups,
     odds_of,
@@ -83,6 +84,18 @@ def test_a_speakers_neutral_voice_becomes_that_of_readers():
     neutral = moved.x[torch.from_numpy(actors & (rows.label == 0))].mean(0)
     assert torch.allclose(neutral, torch.from_numpy(layer.readers).float(), atol=1e-4)
     assert torch.equal(moved.x[torch.from_numpy(~actors)], rows.x[torch.from_numpy(~actors)])
+
+
+def test_an_ear_expects_what_its_listeners_named():
+    rows = rows_of_strangers(np.random.default_rng(0))
+    is_acted = rows.source == crema_d.SOURCE
+    rows.votes[torch.from_numpy(is_acted)] = torch.tensor([0.5, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0])
+    layer = fitted(rows, np.ones(len(rows), bool))
+    for by_vote, share in ((True, 0.5), (False, 1.0 / 6.0)):
+        moved = expecting(layer, rows, is_acted, by_vote)
+        logits = moved.logits(rows.x[torch.from_numpy(is_acted)].double().numpy())[:, :6]
+        neutral = torch.from_numpy(logits).softmax(1)[:, 0].mean()
+        assert abs(float(neutral) - share) < 0.01 and moved.bias[6] == layer.bias[6]
 
 
 def test_the_loudest_two_seconds_are_taken():
