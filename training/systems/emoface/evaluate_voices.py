@@ -16,7 +16,9 @@ import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import soundfile
@@ -73,18 +75,23 @@ class Acted:
     neutral: Path | None
 
 
+def acted_clips(data: Path, corpus: ModuleType) -> Iterator[tuple[str, str, Path]]:
+    """Actor, emotion and sound of every clip of the actors of `crema_d` or `emodb` whom no training heard."""
+    folder = data / "speech" / corpus.SOURCE
+    with open(folder / "clips.tsv", newline="") as file:
+        rows = list(csv.DictReader(file, delimiter="\t"))
+    column, names = ("acted", crema_d.ACTED) if corpus is crema_d else ("feeling", emodb.NAMES)
+    for actor in crema_d.held_out(rows) if corpus is crema_d else emodb.HELD_OUT:
+        for row in rows:
+            if row["actor"] == actor:
+                yield actor, names[row[column]], folder / f"{row['clip']}.ogg"
+
+
 def acted(data: Path) -> Iterator[Acted]:
     """Recordings of actors whom no training heard, with an emotion or neutral."""
     for corpus in (crema_d, emodb):
-        folder = data / "speech" / corpus.SOURCE
-        with open(folder / "clips.tsv", newline="") as file:
-            rows = list(csv.DictReader(file, delimiter="\t"))
-        column = "acted" if corpus is crema_d else "feeling"
-        names = crema_d.ACTED if corpus is crema_d else emodb.NAMES
-        for actor in crema_d.held_out(rows) if corpus is crema_d else emodb.HELD_OUT:
-            own = [
-                (names[row[column]], folder / f"{row['clip']}.ogg") for row in rows if row["actor"] == actor
-            ]
+        for _, clips in groupby(acted_clips(data, corpus), key=lambda clip: clip[0]):
+            own = [clip[1:] for clip in clips]
             neutral = next(sound for emotion, sound in own if emotion == "neutral")
             for shown in (*SHOWN, "neutral"):
                 sounds = [sound for emotion, sound in own if emotion == shown]
