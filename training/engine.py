@@ -1,5 +1,6 @@
 """The command as users run it: sound to landmarks, sound to a mesh, landmark motion to a mesh."""
 
+import json
 import subprocess
 import tempfile
 from dataclasses import dataclass, field
@@ -50,6 +51,12 @@ class Engine:
             out = Path(folder) / "out.npz"
             self.call(command, *arguments, "--out", out)
             return dict(np.load(out))
+
+    def run_with_report(self, command: str, *arguments) -> tuple[dict[str, np.ndarray], dict]:
+        """The arrays and the report that a subcommand writes."""
+        with tempfile.TemporaryDirectory() as folder:
+            report = Path(folder) / "report.json"
+            return self.run(command, *arguments, "--report", report), json.loads(report.read_text())
 
     def call(self, command: str, *arguments) -> None:
         """Runs a subcommand. If it fails, raises `RuntimeError` with its error message."""

@@ -7,8 +7,6 @@ of all emotions together exceeds a threshold at any moment. It counts as the emo
 is largest. Readings are those of held-out readers.
 """
 
-import json
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +15,7 @@ import numpy as np
 from training.corpus import crema_d, emodb
 from training.engine import Engine
 from training.flags import run_command
-from training.systems.emoface.evaluate_voices import acted_clips
+from training.systems.emoface.evaluate_voices import acted_clips, likeliest
 
 THRESHOLDS = (0.6, 0.7)
 """From the first one a face shows something, at the second one a fifth of the strength."""
@@ -38,13 +36,9 @@ class Heard:
 
 def heard(engine: Engine, sound: Path) -> Heard:
     """What the library hears in a recording."""
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        engine.run("motion", "--audio", sound, "--emotion", "auto", "--fps", 5, "--report", report)
-        probability = json.loads(report.read_text())["heard_emotion"]["probability"]
-    neutral = probability.pop("neutral")
-    likeliest = max(probability, key=lambda name: sum(probability[name]))
-    return Heard(1.0 - min(neutral, default=1.0), likeliest)
+    _, report = engine.run_with_report("motion", "--audio", sound, "--emotion", "auto", "--fps", 5)
+    probability = report["heard_emotion"]["probability"]
+    return Heard(1.0 - min(probability["neutral"], default=1.0), likeliest(probability))
 
 
 def line(name: str, clips: list[tuple[str, Heard]]) -> str:

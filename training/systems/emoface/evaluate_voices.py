@@ -12,7 +12,6 @@ in frames where a brow or a lid is more than 1.5 mm from the same reading withou
 """
 
 import csv
-import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -56,7 +55,11 @@ GRID_STEP, GRID_COUNT = 20, 40
 
 def motion(engine: Engine, sound: Path, *more) -> np.ndarray:
     """Landmark displacements for a sound, [T, 68, 3] mm."""
-    arrays = engine.run("motion", "--audio", sound, *STILL, *more)
+    return in_mm(engine.run("motion", "--audio", sound, *STILL, *more))
+
+
+def in_mm(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Landmark displacements of a result, [T, 68, 3] mm."""
     return arrays["landmark_displacements"].astype(float) * 1e3
 
 
@@ -111,12 +114,14 @@ class Heard:
 
 def swap(engine: Engine, line: Path, sound: Path) -> tuple[np.ndarray, Heard]:
     """Landmark displacements of a line with the emotion of a recording, and what was heard in it."""
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.json"
-        moved = motion(engine, line, "--emotion-of", sound, "--report", report)
-        heard = json.loads(report.read_text())["heard_emotion"]
-    shares = {name: np.mean(of) for name, of in heard["probability"].items() if name != "neutral"}
-    return moved, Heard(max(shares, key=shares.get), float(np.mean(heard["intensity"])))
+    arrays, report = engine.run_with_report("motion", "--audio", line, *STILL, "--emotion-of", sound)
+    heard = report["heard_emotion"]
+    return in_mm(arrays), Heard(likeliest(heard["probability"]), float(np.mean(heard["intensity"])))
+
+
+def likeliest(probability: dict[str, list[float]]) -> str:
+    """The emotion with the largest mean probability over time, neutral apart."""
+    return max((name for name in probability if name != "neutral"), key=lambda name: sum(probability[name]))
 
 
 def rise(face: np.ndarray) -> tuple[float, float]:
