@@ -111,7 +111,7 @@ impl SpeechFeatures {
         let phones = self.phones.as_ref().ok_or_else(|| {
             Error::InvalidInput("script: expected an engine that hears phones, got none".into())
         })?;
-        let rows = phones.told(self.sound(), script)?;
+        let rows = phones.told(self, script)?;
         self.set_phone_rows(rows);
         Ok(())
     }
@@ -175,11 +175,6 @@ impl SpeechFeatures {
     /// The name of the encoder of the features.
     pub fn encoder_name(&self) -> &'static str {
         self.encoder.name()
-    }
-
-    /// The features, the name of their encoder, and the length of the sound in seconds.
-    pub fn sound(&self) -> (&FeatureTrack, &str, f64) {
-        (&self.track, self.encoder_name(), self.duration_s)
     }
 
     /// Number of motion frames: one for every started `1 / fps` seconds, at least one.

@@ -12,7 +12,7 @@ use std::{
 use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis};
 
 use super::{
-    FeatureTrack, LipShapes, Script,
+    FeatureTrack, LipShapes, Script, SpeechFeatures,
     alignment::{State, best_path, states_of},
     clock::Clock,
     letters::Word,
@@ -22,6 +22,7 @@ use super::{
 use crate::{
     Error, Result,
     annotation::Interval,
+    audio::{PROSODY_FPS, Prosody},
     models::{BuiltIn, Weights},
     nn::{conv::Conv1d, elementwise::gelu_all, linear::Linear},
 };
@@ -32,6 +33,19 @@ const PARTS: usize = 4;
 const PRIOR_POWER: f32 = 0.8;
 /// Cost of changing from one phone to another, nepers.
 const CHANGE_COST: f64 = 4.0;
+/// Words end and begin at the edges of silence, which the features, 40 ms apart, show less sharply than the
+/// level of the sound. A row counts for a pause by so many nepers at most, and as many against it.
+const SILENCE_POWER: f32 = 4.0;
+/// The level at which it counts neither way lies this far above the quietest rows, and this far below the
+/// loudest, dB.
+const ABOVE_QUIETEST_DB: f32 = 18.0;
+const BELOW_LOUD_DB: f32 = 18.0;
+/// In noise that level is at least this far above the quietest rows, dB.
+const LEAST_ABOVE_DB: f32 = 6.0;
+/// It counts fully from this distance on, dB.
+const SURE_DB: f32 = 10.0;
+/// Share of the rows that are the quietest.
+const QUIET_SHARE: f64 = 0.05;
 /// Weight of the text's evidence for phones. The sound's evidence has weight 1.
 const TEXT_POWER: f32 = 1.0;
 
@@ -205,29 +219,24 @@ impl PhoneModel {
         track.rate_hz * PARTS as f64
     }
 
-    /// Finds the phones of a sound (its features, the encoder's name, its length in seconds). With
-    /// a text it also finds the words, and chooses phones that fit them. Returns the log-posteriors
-    /// `[R, K]` too, which follow the text.
+    /// Finds the phones of a sound. With a text it also finds the words, and chooses phones that fit
+    /// them. Returns the log-posteriors `[R, K]` too, which follow the text.
     ///
     /// # Errors
     /// `Weights` if the features come from another encoder; `InvalidInput` for a text without a
     /// letter, or one too long for the sound.
     pub(crate) fn said(
         &self,
-        (track, encoder, duration_s): (&FeatureTrack, &str, f64),
+        sound: &SpeechFeatures,
         text: Option<&str>,
     ) -> Result<(Said, Array2<f32>)> {
-        self.check(track, encoder)?;
-        let clock = Clock {
-            rate_hz: self.rows_per_second(track),
-            duration_s,
-        };
-        let heard = self.log_posteriors(track.features.view());
+        let clock = self.clock(sound)?;
+        let heard = self.log_posteriors(sound.track.features.view());
         let mut likelihood = &heard - &(PRIOR_POWER * &self.log_prior);
         let words = match text {
             Some(text) => {
                 let script = Script::Text(text.to_owned());
-                self.align(&mut likelihood, &script.words(), clock)?
+                self.align(&mut likelihood, &script.words(), (clock, &sound.prosody))?
             }
             None => Vec::new(),
         };
@@ -248,29 +257,21 @@ impl PhoneModel {
     ///
     /// # Errors
     /// Those of [`PhoneModel::said`].
-    pub(super) fn told(
-        &self,
-        (track, encoder, duration_s): (&FeatureTrack, &str, f64),
-        script: &Script,
-    ) -> Result<Array2<f32>> {
-        self.check(track, encoder)?;
-        let clock = Clock {
-            rate_hz: self.rows_per_second(track),
-            duration_s,
-        };
-        let mut rows = self.log_posteriors(track.features.view());
+    pub(super) fn told(&self, sound: &SpeechFeatures, script: &Script) -> Result<Array2<f32>> {
+        let clock = self.clock(sound)?;
+        let mut rows = self.log_posteriors(sound.track.features.view());
         if let Script::Phones(phones) = script {
             tell(&mut rows, phones, clock, &self.config.phones);
             return Ok(rows);
         }
-        let script = script.between(0.0, duration_s);
+        let script = script.between(0.0, clock.duration_s);
         let words = script.words();
         if matches!(script, Script::Words(_)) && words.is_empty() {
             return Ok(rows);
         }
         let heard = rows.clone();
         rows -= &(PRIOR_POWER * &self.log_prior);
-        self.align(&mut rows, &words, clock)?;
+        self.align(&mut rows, &words, (clock, &sound.prosody))?;
         // Subtitles may leave out what is said between them, so there the sound alone counts.
         let count = rows.nrows();
         let mut is_told = vec![false; count];
@@ -289,6 +290,15 @@ impl PhoneModel {
         Ok(rows)
     }
 
+    /// The times of a sound's rows.
+    fn clock(&self, sound: &SpeechFeatures) -> Result<Clock> {
+        self.check(&sound.track, sound.encoder_name())?;
+        Ok(Clock {
+            rate_hz: self.rows_per_second(&sound.track),
+            duration_s: sound.duration_s,
+        })
+    }
+
     fn check(&self, track: &FeatureTrack, encoder: &str) -> Result<()> {
         let channels = track.features.ncols();
         if (encoder, channels) == (&self.config.encoder, self.config.channels) {
@@ -305,12 +315,12 @@ impl PhoneModel {
     /// evidence to each row of `likelihood` `[T, K]`.
     ///
     /// Words are read letter by letter, and once more as English where the dictionary has them. The
-    /// likelier path counts, so a text needs no language.
+    /// likelier path counts, so a text needs no language. Silence between words is heard by the level too.
     fn align(
         &self,
         likelihood: &mut Array2<f32>,
         spoken: &[(&str, Option<[f64; 2]>)],
-        clock: Clock,
+        (clock, prosody): (Clock, &Prosody),
     ) -> Result<Vec<Interval>> {
         let units = &self.config.units;
         let letters = |(word, _): &(&str, _)| Word::read(word, units);
@@ -319,7 +329,11 @@ impl PhoneModel {
             let message = "text: expected words that are said in the sound, got no letter";
             return Err(Error::InvalidInput(message.into()));
         }
-        let emissions = self.emissions(likelihood);
+        let mut emissions = self.emissions(likelihood);
+        let silences = silences(prosody, clock, likelihood.nrows());
+        for (pause, silence) in emissions.column_mut(units.len()).iter_mut().zip(silences) {
+            *pause += silence;
+        }
         let english = self.english(spoken, &letters)?;
         let paths = [Some(letters), english]
             .into_iter()
@@ -469,6 +483,25 @@ fn decode(likelihood: ArrayView2<'_, f32>) -> Vec<usize> {
 fn highest(scores: &[f64]) -> usize {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     best.expect("at least one class")
+}
+
+/// How much the level of the sound speaks for a pause in each of `count` rows, `[R]`, nepers. All 0 for
+/// a sound without a level.
+fn silences(prosody: &Prosody, clock: Clock, count: usize) -> Vec<f32> {
+    let mut sorted = prosody.level_db.clone();
+    sorted.sort_by(f32::total_cmp);
+    let Some(&quietest_db) = sorted.get((QUIET_SHARE * sorted.len() as f64) as usize) else {
+        return vec![0.0; count];
+    };
+    let even_db = (quietest_db + ABOVE_QUIETEST_DB)
+        .min(prosody.loud_db - BELOW_LOUD_DB)
+        .max(quietest_db + LEAST_ABOVE_DB);
+    let level_db = |row: usize| {
+        let frame = (clock.begins(row) * PROSODY_FPS) as usize;
+        prosody.level_db[frame.min(prosody.level_db.len() - 1)]
+    };
+    let silence = |row| ((even_db - level_db(row)) / SURE_DB).clamp(-1.0, 1.0);
+    (0..count).map(|row| SILENCE_POWER * silence(row)).collect()
 }
 
 /// Makes the probabilities of a row of logits sum to 1.

@@ -64,30 +64,28 @@ fn the_path_through_a_text_matches_the_training_code() {
     assert_eq!(said, floats(&file.tensor("said").unwrap()));
 }
 
-/// A second of noise that grows and fades, encoded by the built-in encoder.
-fn heard() -> SpeechFeatures {
-    let encoder: Arc<dyn SpeechEncoder> = Arc::new(crate::speech::ear(None).unwrap());
+/// A second of noise in two bursts, [16000].
+fn bursts() -> Vec<f32> {
     let mut state = 1u32;
     let samples = (0..16_000).map(|i| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let loud = (i as f32 / 16_000.0 * 9.0).sin().max(0.0);
         loud * ((state >> 8) as f32 / (1 << 24) as f32 - 0.5)
     });
-    SpeechFeatures::of(
-        &Waveform {
-            samples: samples.collect(),
-        },
-        &encoder,
-        SILENT,
-    )
-    .unwrap()
+    samples.collect()
+}
+
+/// A sound, encoded by the built-in encoder.
+fn heard(samples: Vec<f32>) -> SpeechFeatures {
+    let encoder: Arc<dyn SpeechEncoder> = Arc::new(crate::speech::ear(None).unwrap());
+    SpeechFeatures::of(&Waveform { samples }, &encoder, SILENT).unwrap()
 }
 
 #[test]
 fn words_stand_in_their_order_within_the_sound() {
     let model = PhoneModel::open(None).unwrap();
     let text = "— see, \"shoes\" !";
-    let (said, _) = model.said(heard().sound(), Some(text)).unwrap();
+    let (said, _) = model.said(&heard(bursts()), Some(text)).unwrap();
     let labels: Vec<&str> = said.words.iter().map(|word| word.label.as_str()).collect();
     assert_eq!(labels, ["see", "shoes"]);
     for tier in [&said.words, &said.phones] {
@@ -97,8 +95,47 @@ fn words_stand_in_their_order_within_the_sound() {
         );
         assert!(tier.windows(2).all(|pair| pair[0].end_s <= pair[1].start_s));
     }
-    let (said, _) = model.said(heard().sound(), None).unwrap();
+    let (said, _) = model.said(&heard(bursts()), None).unwrap();
     assert!(said.words.is_empty());
+}
+
+/// A word, silence and the word again: neither lasts into the silence.
+#[test]
+fn words_end_where_silence_begins() {
+    let heard = heard([bursts(), vec![0.0; 16_000], bursts()].concat());
+    let model = PhoneModel::open(None).unwrap();
+    let (said, _) = model.said(&heard, Some("see shoes see shoes")).unwrap();
+    let gaps = said
+        .words
+        .windows(2)
+        .map(|pair| pair[1].start_s - pair[0].end_s);
+    let longest = gaps.fold(0.0, f64::max);
+    assert!(longest > 0.9, "{:?}", said.words);
+}
+
+/// What the level says about pauses: for them in silence, against them in speech, little in noise.
+#[test]
+fn silence_speaks_for_a_pause() {
+    let tone = |gain: f32| (0..8000).map(move |i| gain * (i as f32 * 0.3).sin());
+    let clock = Clock {
+        rate_hz: 100.0,
+        duration_s: 1.0,
+    };
+    let at = |quiet: f32| {
+        let samples = tone(0.5).chain(tone(quiet)).collect();
+        let of = silences(&Prosody::of(&Waveform { samples }), clock, 100);
+        (of[25], of[75])
+    };
+    assert_eq!(at(1e-4), (-SILENCE_POWER, SILENCE_POWER));
+    let (_, in_noise) = at(0.3);
+    assert!(
+        0.0 < in_noise && in_noise < 0.7 * SILENCE_POWER,
+        "{in_noise}"
+    );
+    let none = Prosody::of(&Waveform {
+        samples: Vec::new(),
+    });
+    assert_eq!(silences(&none, clock, 3), [0.0; 3]);
 }
 
 #[test]
@@ -129,21 +166,15 @@ fn english_words_are_read_by_their_phones_and_others_letter_by_letter() {
 
 #[test]
 fn texts_that_cannot_be_are_refused() {
-    let (model, heard) = (PhoneModel::open(None).unwrap(), heard());
+    let (model, heard) = (PhoneModel::open(None).unwrap(), heard(bursts()));
     for text in ["", " – … ", &"word ".repeat(200)] {
         assert!(
-            matches!(
-                model.said(heard.sound(), Some(text)),
-                Err(Error::InvalidInput(_))
-            ),
+            matches!(model.said(&heard, Some(text)), Err(Error::InvalidInput(_))),
             "{text}"
         );
     }
     let (other, ..) = debug_model();
-    assert!(matches!(
-        other.said(heard.sound(), None),
-        Err(Error::Weights(_))
-    ));
+    assert!(matches!(other.said(&heard, None), Err(Error::Weights(_))));
 }
 
 #[test]
