@@ -143,12 +143,7 @@ impl SpeechFeatures {
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         if let Some(ear) = &self.ear {
-            let mut heard = ear.heard(other, None, progress)?;
-            if let EmotionCurve::Keys(keys) = heard.curve_on_purpose() {
-                let intensities = keys.iter().map(|(_, emotion)| f64::from(emotion.intensity));
-                heard.intensity = intensities.map(|x| (x * 1e3).round() / 1e3).collect();
-            }
-            self.other_emotion = Some(heard);
+            self.other_emotion = Some(ear.heard(other, None, progress)?.on_purpose());
         }
         Ok(())
     }

@@ -43,6 +43,14 @@ impl HeardEmotion {
         self.curve_of(shown_on_purpose)
     }
 
+    /// The same emotion with the intensity of a recording that was chosen for it.
+    #[must_use]
+    pub(in crate::speech) fn on_purpose(mut self) -> HeardEmotion {
+        let intensity = |k| rounded(shown_on_purpose(&self.shares(k)).intensity.into());
+        self.intensity = (0..self.time_s.len()).map(intensity).collect();
+        self
+    }
+
     fn curve_of(&self, shown: fn(&[f64; EMOTIONS.len()]) -> Emotion) -> EmotionCurve {
         if self.time_s.is_empty() {
             return EmotionCurve::default();
