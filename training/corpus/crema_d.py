@@ -39,9 +39,7 @@ class VotedSpeech:
 
 def read_voted(data: Path) -> Iterator[VotedSpeech]:
     """All recordings, in the order of `clips.tsv`."""
-    folder = data / "speech" / SOURCE
-    with open(folder / "clips.tsv", newline="") as file:
-        rows = list(csv.DictReader(file, delimiter="\t"))
+    folder, rows = data / "speech" / SOURCE, read_rows(data)
     kept = held_out(rows)
     for row in rows:
         counts = {ours: int(row[f"heard_{theirs}"]) for theirs, ours in VOTED.items()}
@@ -49,6 +47,21 @@ def read_voted(data: Path) -> Iterator[VotedSpeech]:
         yield VotedSpeech(row["clip"], row["actor"], ACTED[row["acted"]],
                           {emotion: count / total for emotion, count in counts.items()},
                           row["actor"] in kept, read_sound(folder / f"{row['clip']}.ogg"))  # fmt: skip
+
+
+def read_rows(data: Path) -> list[dict[str, str]]:
+    """The rows of `clips.tsv`."""
+    with open(data / "speech" / SOURCE / "clips.tsv", newline="") as file:
+        return list(csv.DictReader(file, delimiter="\t"))
+
+
+def held_out_clips(data: Path) -> Iterator[tuple[str, str, Path]]:
+    """Actor, emotion as acted and sound of the clips that no training hears, by actor."""
+    rows = read_rows(data)
+    for actor in held_out(rows):
+        for row in rows:
+            if row["actor"] == actor:
+                yield actor, ACTED[row["acted"]], data / "speech" / SOURCE / f"{row['clip']}.ogg"
 
 
 def held_out(rows: list[dict[str, str]]) -> list[str]:

@@ -5,6 +5,7 @@ Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 
 import csv
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,9 +63,7 @@ def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
     for line in (folder / "labels.jsonl").read_text().splitlines():
         record = json.loads(line)
         labels[record["id"]] = record["labels"]
-    with open(folder / "clips.tsv", newline="") as file:
-        rows = list(csv.DictReader(file, delimiter="\t"))
-    for row in rows:
+    for row in read_rows(data):
         held_out = row["actor"] in HELD_OUT
         if limit is not None and counts[held_out] >= limit:
             continue
@@ -75,6 +74,21 @@ def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
                           float(row["recognised_percent"]) / 100.0, held_out, samples,
                           phones_of(labels.get(name, []))))  # fmt: skip
     return recordings
+
+
+def read_rows(data: Path) -> list[dict[str, str]]:
+    """The rows of `clips.tsv`."""
+    with open(data / "speech" / SOURCE / "clips.tsv", newline="") as file:
+        return list(csv.DictReader(file, delimiter="\t"))
+
+
+def held_out_clips(data: Path) -> Iterator[tuple[str, str, Path]]:
+    """Actor, emotion and sound of the clips that no training hears, by actor."""
+    rows = read_rows(data)
+    for actor in HELD_OUT:
+        for row in rows:
+            if row["actor"] == actor:
+                yield actor, NAMES[row["feeling"]], data / "speech" / SOURCE / f"{row['clip']}.ogg"
 
 
 def phones_of(labels: list[dict]) -> list[Phone]:

@@ -15,7 +15,7 @@ import numpy as np
 from training.corpus import crema_d, emodb
 from training.engine import Engine
 from training.flags import run_command
-from training.systems.emoface.evaluate_voices import acted_clips, likeliest
+from training.systems.emoface.evaluate_voices import likeliest
 
 THRESHOLDS = (0.6, 0.7)
 """From the first one a face shows something, at the second one a fifth of the strength."""
@@ -60,7 +60,7 @@ def main(data: Path, anyface: Path) -> None:
     """Command line."""
     engine = Engine(anyface)
     for corpus in (crema_d, emodb):
-        clips = [(emotion, heard(engine, sound)) for _, emotion, sound in acted_clips(data, corpus)]
+        clips = [(emotion, heard(engine, sound)) for _, emotion, sound in corpus.held_out_clips(data)]
         print(line(corpus.SOURCE, clips), flush=True)
     every = []
     for folder, (first, step) in READINGS.items():

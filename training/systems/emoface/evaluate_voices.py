@@ -11,13 +11,11 @@ under `--emotion` has the most similar direction in the mean over frames. A neut
 in frames where a brow or a lid is more than 1.5 mm from the same reading without an emotion.
 """
 
-import csv
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import soundfile
@@ -78,22 +76,10 @@ class Acted:
     neutral: Path | None
 
 
-def acted_clips(data: Path, corpus: ModuleType) -> Iterator[tuple[str, str, Path]]:
-    """Actor, emotion and sound of every clip of the actors of `crema_d` or `emodb` whom no training heard."""
-    folder = data / "speech" / corpus.SOURCE
-    with open(folder / "clips.tsv", newline="") as file:
-        rows = list(csv.DictReader(file, delimiter="\t"))
-    column, names = ("acted", crema_d.ACTED) if corpus is crema_d else ("feeling", emodb.NAMES)
-    for actor in crema_d.held_out(rows) if corpus is crema_d else emodb.HELD_OUT:
-        for row in rows:
-            if row["actor"] == actor:
-                yield actor, names[row[column]], folder / f"{row['clip']}.ogg"
-
-
 def acted(data: Path) -> Iterator[Acted]:
     """Recordings of actors whom no training heard, with an emotion or neutral."""
     for corpus in (crema_d, emodb):
-        for _, clips in groupby(acted_clips(data, corpus), key=lambda clip: clip[0]):
+        for _, clips in groupby(corpus.held_out_clips(data), key=lambda clip: clip[0]):
             own = [clip[1:] for clip in clips]
             neutral = next(sound for emotion, sound in own if emotion == "neutral")
             for shown in (*SHOWN, "neutral"):
@@ -141,29 +127,44 @@ class Borrowed:
     is_nearest: bool
 
 
-def borrowed(engine: Engine, line: Path, recordings: list[Acted]) -> Iterator[Borrowed]:
+class Borrowing:
+    """One line under the emotions of recordings, [T, 68, 3] mm each. Each recording is heard once."""
+
+    def __init__(self, engine: Engine, line: Path):
+        self.engine, self.line = engine, line
+        self.plain = motion(engine, line, "--emotion-from", "off")
+        self._under: dict[Path | None, tuple[np.ndarray, Heard | None]] = {None: (self.plain, None)}
+
+    def under(self, sound: Path | None) -> tuple[np.ndarray, Heard | None]:
+        """`swap` with a recording; the plain line without one."""
+        if sound not in self._under:
+            self._under[sound] = swap(self.engine, self.line, sound)
+        return self._under[sound]
+
+    def named(self, emotion: str, intensity: float) -> np.ndarray:
+        """Mean change of the face [68, 3] by an emotion by name."""
+        return self.change(motion(self.engine, self.line, "--emotion", f"{emotion}:{intensity:.3f}"))
+
+    def change(self, moved: np.ndarray) -> np.ndarray:
+        """Mean change of the face [68, 3] against the plain line."""
+        return (moved - self.plain).mean(axis=0)
+
+
+def borrowed(line: Borrowing, recordings: list[Acted]) -> Iterator[Borrowed]:
     """Scores a line with the emotion of recordings."""
-    plain = motion(engine, line, "--emotion-from", "off")
-    faces = {name: (motion(engine, line, "--emotion", f"{name}:1") - plain).mean(axis=0) for name in SHOWN}
-    neutral = {None: plain}
+    faces = {name: line.named(name, 1.0) for name in SHOWN}
     for recording in recordings:
-        if recording.neutral not in neutral:
-            neutral[recording.neutral] = swap(engine, line, recording.neutral)[0]
-        moved, heard = swap(engine, line, recording.sound)
-        named = motion(engine, line, "--emotion", f"{heard.emotion}:{heard.intensity:.3f}")
-        face = (moved - plain).mean(axis=0)
-        nearest = min(faces, key=lambda name: angle(face, faces[name]))
-        shown = rise((moved - neutral[recording.neutral]).mean(axis=0))
-        lips = float(np.corrcoef(gap(moved), gap(plain))[0, 1])
-        yield Borrowed(recording, heard, shown, rise((named - plain).mean(axis=0)), lips,
-                       nearest == recording.emotion)  # fmt: skip
+        (moved, heard), (neutral, _) = line.under(recording.sound), line.under(recording.neutral)
+        nearest = min(faces, key=lambda name: angle(line.change(moved), faces[name]))
+        shown = rise((moved - neutral).mean(axis=0))
+        by_name = rise(line.named(heard.emotion, heard.intensity))
+        lips = float(np.corrcoef(gap(moved), gap(line.plain))[0, 1])
+        yield Borrowed(recording, heard, shown, by_name, lips, nearest == recording.emotion)
 
 
-def neutral_borrowed(engine: Engine, line: Path, recordings: list[Acted]) -> list[float]:
+def neutral_borrowed(line: Borrowing, recordings: list[Acted]) -> list[float]:
     """How far a line's brows or corners move under neutral recordings, mm each."""
-    plain = motion(engine, line, "--emotion-from", "off")
-    faces = [(swap(engine, line, one.sound)[0] - plain).mean(axis=0) for one in recordings]
-    return [max(map(abs, rise(face))) for face in faces]
+    return [max(map(abs, rise(line.change(line.under(one.sound)[0])))) for one in recordings]
 
 
 def table(rows: list[Borrowed]) -> Iterator[str]:
@@ -218,9 +219,10 @@ def main(data: Path, anyface: Path) -> None:
     }
     recordings, rows, moved = list(acted(data)), [], []
     calm = [one for one in recordings if one.emotion == "neutral"]
-    for line in (grid[0], readers["nathalie_nl"][0]):
-        moved += neutral_borrowed(engine, line, calm)
-        rows += borrowed(engine, line, [one for one in recordings if one.emotion != "neutral"])
+    for sound in (grid[0], readers["nathalie_nl"][0]):
+        line = Borrowing(engine, sound)
+        moved += neutral_borrowed(line, calm)
+        rows += borrowed(line, [one for one in recordings if one.emotion != "neutral"])
     far = sum(mm > FAR_MM for mm in moved)
     print(f"neutral recordings move brows or corners by {np.median(moved):.2f} mm in the median, "
           f"{far} of {len(moved)} by more than {FAR_MM:.0f} mm")  # fmt: skip
