@@ -73,6 +73,9 @@ const LEAST_CONFIDENCE: f32 = 0.35;
 /// eyes lie under cubes reached 0.25.
 const LEAST_EYES_OR_BROWS: f32 = 0.2;
 
+/// A mesh with fewer triangles is not searched: brows, eyes, nose and mouth take more.
+const LEAST_TRIANGLES: usize = 40;
+
 /// Least likeness of a face, seen from its front.
 const LEAST_LIKENESS: f32 = 0.3;
 
@@ -250,6 +253,12 @@ impl LandmarkFinder {
         let in_frame = moved(&places, &frame.from_mesh);
         let settled = match self.pose_of_fixed(&frame, &in_frame, &looks)? {
             Some(settled) => settled,
+            None if mesh.triangles.len() < LEAST_TRIANGLES => {
+                return Err(Error::FaceNotFound(advice(&format!(
+                    "the mesh has {} triangles (expected {LEAST_TRIANGLES} or more)",
+                    mesh.triangles.len()
+                ))));
+            }
             None => self.best(&frame, &in_frame, &looks)?,
         };
         looks.check()?;
@@ -533,6 +542,23 @@ mod tests {
             .unwrap_err();
         assert!(
             matches!(&error, Error::FaceNotFound(m) if m.contains("over each other")),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_mesh_of_a_few_triangles_is_not_searched() {
+        let mesh = Mesh {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+            ..Mesh::default()
+        };
+        let finder = LandmarkFinder::embedded().unwrap();
+        let error = finder
+            .find(&mesh, Axis::PosZ, Axis::PosY, &[], crate::job::SILENT)
+            .unwrap_err();
+        assert!(
+            matches!(&error, Error::FaceNotFound(m) if m.contains("4 triangles (expected 40 or more)")),
             "{error}"
         );
     }
