@@ -36,7 +36,7 @@ const fn most(metres: f32) -> [f32; 2] {
 
 /// The shapes. Degrees and lengths are ours: what viewers need to tell the sounds apart. Recorded
 /// lips show less of them, because the depth of a tracked face is an estimate.
-pub const LIP_SHAPES: [LipShape; 3] = [
+pub const LIP_SHAPES: [LipShape; 4] = [
     LipShape {
         name: "oo",
         phones: &[("u", 1.0), ("w", 1.0), ("y", 0.9), ("ʊ", 0.3)],
@@ -58,8 +58,16 @@ pub const LIP_SHAPES: [LipShape; 3] = [
         phones: &[("θ", 1.0), ("ð", 1.0)],
         forward_m: FREE,
         width_m: FREE,
-        gap_m: [4e-3, 9e-3],
-        chin_m: [2e-3, 6e-3],
+        gap_m: [8e-3, 10e-3],
+        chin_m: [5e-3, 7e-3],
+    },
+    LipShape {
+        name: "oh",
+        phones: &[("o", 1.0)],
+        forward_m: least(2e-3),
+        width_m: most(-3e-3),
+        gap_m: least(8e-3),
+        chin_m: least(5.5e-3),
     },
 ];
 
@@ -74,7 +82,7 @@ pub const LIP_SHAPES: [LipShape; 3] = [
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipShapes {
-    /// `[R, 3]`, 0 to 1.
+    /// `[R, shapes]`, 0 to 1.
     degree: Array2<f32>,
     rate_hz: f64,
 }
@@ -131,7 +139,7 @@ impl LipShapes {
         LipShapes { degree, rate_hz }
     }
 
-    /// The degree of each shape at each motion frame, `[T, 3]`. The mouth starts early enough to
+    /// The degree of each shape at each motion frame, `[T, shapes]`. The mouth starts early enough to
     /// be there in time.
     pub fn at_frames(&self, frames: usize, fps: f64) -> Array2<f32> {
         travel(self.degree.view(), self.rate_hz, TRAVEL_S, frames, fps)
