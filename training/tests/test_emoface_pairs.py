@@ -121,7 +121,7 @@ def test_only_the_same_words_of_one_speaker_in_another_emotion_are_a_pair():
 
 
 def test_the_papers_loss_is_eq_11(folder):
-    trainer = open_trainer(folder, "--recipe", "paper", "--guided", "--tune-encoders")
+    trainer = open_trainer(folder, "--recipe", "paper", "--guided")
     for branch in (trainer.model.content, trainer.model.emotion):
         torch.nn.init.normal_(branch.motion_out.weight, std=0.05)
     batch = trainer.draw(0)
@@ -165,6 +165,14 @@ def test_the_rate_of_a_size_is_that_of_its_motion(folder):
 
 def test_emotions_are_those_of_the_folder(folder):
     assert open_trainer(folder).config.emotions == ["neutral", *sorted(FELT, reverse=True)]
+
+
+def test_the_recipe_says_whether_encoders_learn_unless_the_command_does(folder):
+    def learned(*flags: str) -> bool:
+        return open_trainer(folder, *flags).learner.encoders is not None
+
+    assert learned("--recipe", "paper") and learned("--tune-encoders")
+    assert not learned() and not learned("--recipe", "paper", "--no-tune-encoders")
 
 
 @pytest.mark.slow
