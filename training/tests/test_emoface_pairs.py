@@ -12,7 +12,7 @@ from training.speech.hubert import HubertFeatures
 from training.systems.emoface import evaluate, folder_scores, train
 from training.systems.emoface.clips import load_emotion, of_corpus
 from training.systems.emoface.encoders import UNTAUGHT, EmotionNumbers
-from training.systems.emoface.model import CONFIGS
+from training.systems.emoface.model import CONFIGS, Branch
 from training.systems.emoface.pairs import Pairs, align
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.train import EmoFaceTrainer
@@ -173,6 +173,17 @@ def test_the_recipe_says_whether_encoders_learn_unless_the_command_does(folder):
 
     assert learned("--recipe", "paper") and learned("--tune-encoders")
     assert not learned() and not learned("--recipe", "paper", "--no-tune-encoders")
+
+
+def test_both_branches_begin_with_an_imported_decoder(folder, tmp_path):
+    config = open_trainer(folder).config
+    torch.manual_seed(5)
+    branch = Branch(config)
+    torch.save({"state": branch.state_dict()}, tmp_path / "branch.pt")
+    model = open_trainer(folder, "--branches", tmp_path / "branch.pt").model
+    for name, value in branch.state_dict().items():
+        assert torch.equal(model.content.state_dict()[name], value)
+        assert torch.equal(model.emotion.state_dict()[name], value)
 
 
 @pytest.mark.slow

@@ -93,6 +93,10 @@ class EmoFaceTrainer:
         if arguments.base is not None:
             saved = torch.load(arguments.base, map_location="cpu")["state"]
             self.model.load_state_dict({name: saved[name] for name in self.model.state_dict()})
+        if arguments.branches is not None:
+            saved = torch.load(arguments.branches, map_location="cpu", weights_only=True)["state"]
+            for branch in (self.model.content, self.model.emotion):
+                branch.load_state_dict(saved)
         self.template = template
         self.learner = Learner(self.model, encoders)
 
@@ -299,6 +303,8 @@ def parser() -> argparse.ArgumentParser:
         "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
     )
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
+    both = "decoder of training.import_checkpoint emoface-branches, with which both branches begin"
+    parser.add_argument("--branches", type=Path, help=both)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
     parser.add_argument(
