@@ -181,7 +181,7 @@ def train_paper(
         if not recipe.plain:
             geometry = face.mesh.geometry
             loss = loss + LOCALITY * locality(
-                model, features.detach(), geometry.positions, landmarks[:1], geometry.landmarks
+                model, features.detach().float(), geometry.positions, landmarks[:1], geometry.landmarks
             )
         machine.step(loss, model, optimiser, 1.0)
         losses.append(loss.item())
