@@ -55,8 +55,8 @@ _CONTROLS = {
 
 # Controls for people who know how the model works.
 _RESEARCH = {
-    "steps", "noise", "decoder", "guidance", "coarse_guidance", "speech_guidance", "template",
-    "field", "field_reach",
+    "steps", "noise", "decoder", "guidance", "calibrate", "coarse_guidance", "speech_guidance",
+    "template", "field", "field_reach",
 }  # fmt: skip
 
 

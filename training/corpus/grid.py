@@ -3,7 +3,8 @@
 GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006); tracked by MediaPipe Face Landmarker
 v2 (Apache-2.0), each frame by itself. Head motion is already removed. Depth is a monocular estimate.
 The speakers blink and look down at the text. Their voices do not cause this, so the eye landmarks are
-kept at rest and carry no weight.
+kept at rest and carry no weight. `tracked_lids` has what the tracker saw of the lids, for models that differ
+between seeds.
 """
 
 import json
@@ -74,6 +75,32 @@ def _read(folder: Path) -> list[Clip]:
                 )
             )
     return clips
+
+
+def tracked_lids(data: Path, channels: list[str]) -> dict[tuple[str, str], np.ndarray]:
+    """Tracked weights of the lids' `channels` from the speaker's usual pose on, by source and clip, [T, L].
+
+    The tracker gives every speaker another weight at rest, and one who reads looks down all the time. So the
+    median over the speaker's frames becomes 0 and full weight stays 1. Lost frames are interpolated.
+    """
+    lids = {}
+    for source in (SOURCE, FIVE):
+        with safe_open(data / "motion" / source / TRACK, "np") as file:
+            columns = json.loads(file.metadata()["weight_names"])
+            names = json.loads(file.metadata()["clips"])
+            speakers = json.loads(file.metadata().get("speakers", "null")) or ["s1"] * len(names)
+            weights = file.get_tensor("weights")[:, [columns.index(c) for c in channels]] / 255.0
+            tracked_frames = file.get_tensor("found").astype(bool)
+            offsets = file.get_tensor("clip_offsets")
+        spans = [slice(a, b) for a, b in pairwise(offsets)]
+        tracks = [_smooth(_fill(weights[span], ~tracked_frames[span])) for span in spans]
+        for speaker in dict.fromkeys(speakers):
+            own = [i for i, name in enumerate(speakers) if name == speaker]
+            usual = np.median(np.concatenate([tracks[i] for i in own]), axis=0)
+            for i in own:
+                raised = np.clip((tracks[i] - usual) / (1.0 - usual), 0.0, 1.0)
+                lids[source, names[i]] = raised.astype(np.float32)
+    return lids
 
 
 def _smooth(track: np.ndarray) -> np.ndarray:

@@ -32,6 +32,8 @@ Held-out clips, 25 fps, at most 10 s of each; lower is better, of FDD nearer to 
 figure 6) are not made: Anyface has neither PoissonNet nor Jacobian fields. Ablations of
 Sparse-To-Mesh see every fifth frame of all held-out stretches of a face, joined: their DTW, DFD, δM and δCd
 compare with each other, not with other tables.
+MVE is the mean distance over vertices and frames, as the public code of the field has it; the paper's text
+says the maximum.
 """
 
 

@@ -27,7 +27,9 @@ from training.systems.cafe_talk.denoiser import CONFIGS, Coarse, Denoiser
 from training.systems.cafe_talk.priority import yielding
 from training.tests.made_up import made_up
 from training.text.emotions import SYNONYMS
+from training.text.golden_clip import write_folder
 from training.text.space import BUCKETS
+from training.text.stored import load_places
 
 
 def little_space(folder: Path) -> Path:
@@ -79,6 +81,34 @@ def inputs(model: Denoiser, frames: int = 12) -> dict:
         "coarse": coarse,
         "speech_given": torch.ones(1) > 0,
     }
+
+
+@pytest.mark.parametrize("kind", ["built in", "clip"])
+def test_the_text_space_is_the_built_in_one_or_clips(tmp_path, kind):
+    places = shipped("text_units")
+    if kind == "clip":
+        write_folder(tmp_path / "clip", width=32)
+        places = tmp_path / "clip"
+    chosen = () if kind == "built in" else ("--text", places)
+    made_up(tmp_path / "corpus", 2.0)
+    line = ["--corpus", tmp_path / "corpus", "--config", "debug", "--tokens", 96, "--validation-clips", 0]
+    line += [*chosen, "--steps", 2, "--out", tmp_path / "out"]
+    saved = torch.load(train_cafe_talk.train(train_cafe_talk.parser().parse_args(list(map(str, line)))))
+    expected = load_places(places)
+    assert saved["config"]["text_width"] == expected.width == {"built in": 64, "clip": 32}[kind]
+    assert np.array_equal(saved["emotions"].numpy(), expected.emotions())
+    lengths = np.linalg.norm(expected.of("furious") - expected.emotions(), axis=1)
+    assert kind == "clip" or EMOTIONS[int(lengths.argmin())] == "angry"
+
+
+def test_a_folder_that_is_no_text_space_is_refused_with_the_way_out(tmp_path):
+    (tmp_path / "config.json").write_text('{"model_type": "hubert"}')
+    with pytest.raises(
+        ValueError, match="expected space.npz .* got a config.json of hubert; leave --text out"
+    ):
+        load_places(tmp_path)
+    with pytest.raises(ValueError, match="got neither file"):
+        load_places(tmp_path / "nothing")
 
 
 @pytest.mark.parametrize("name,base,adapter", [("paper", 25.1, 5.4), ("compact", 1.6, 0.4)])

@@ -15,8 +15,9 @@ from training.corpus.check import check
 from training.corpus.checked import CorpusError
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
+from training.corpus.kalman import filter_track, noise_variances
 from training.corpus.readers import READERS
-from training.corpus.readers.flame import EXPRESSION, Flame, label_of
+from training.corpus.readers.flame import EXPRESSION, Flame, label_of, read_flame
 from training.corpus.readers.tables import NumbersAlone, read_pickle, read_ply
 from training.tests.made_up import face_mesh, follow, opening, spoken, talking
 
@@ -361,6 +362,41 @@ def test_names_of_ravdess_say_who_says_what_and_how(tmp_path):
     assert (rows["actor24"].emotion, rows["actor24"].intensity) == ("neutral", 0.0)
     assert rows["actor12"].text == "Kids are talking by the door"
     assert folder.fps["vertices"] == 30.0
+
+
+@pytest.mark.parametrize("name,clip,smooth", [
+    ("ravdess", "Actor_12/03-01-03-02-01-01-12", filter_track),
+    ("mead", "M003/happy_level_2_001", lambda track: track),
+])  # fmt: skip
+def test_parameters_of_ravdess_are_filtered_and_those_of_mead_are_not(tmp_path, name, clip, smooth):
+    folder = converted(tmp_path, name)
+    happy = next(row for row in folder.rows if row.emotion == "happy")
+    tracked = np.load(tmp_path / f"source/{clip}.npz")
+    flame = read_flame(tmp_path / "source/generic_model.pkl")
+    expected = flame.vertices(tracked["shape"], smooth(tracked["exp"]), smooth(tracked["jaw"]))
+    np.testing.assert_allclose(folder.vertices(happy).values, expected, atol=1e-6)
+    # The expressions of the made-up corpus are noise, so that filtering them is seen.
+    unfiltered = flame.vertices(tracked["shape"], tracked["exp"], tracked["jaw"])
+    assert (np.abs(expected - unfiltered).max() > 1e-5) == (name == "ravdess")
+
+
+def test_the_filter_brings_a_track_nearer_to_the_truth_and_leaves_a_smooth_one():
+    random = np.random.default_rng(0)
+    for shake in (0.5, 2.0):
+        pushed = random.standard_normal((2000, 3))
+        # The model's own motion: an acceleration that stays for a frame.
+        velocity = np.cumsum(pushed, axis=0) - pushed
+        truth = np.cumsum(velocity + 0.5 * pushed, axis=0)
+        seen = truth + shake * random.standard_normal(truth.shape)
+        acceleration, noise = noise_variances(seen)
+        np.testing.assert_allclose(noise, shake**2, rtol=0.35)
+        np.testing.assert_allclose(acceleration, 1.0, rtol=0.9)
+        near = (filter_track(seen) - truth)[20:].std()
+        assert near < 0.95 * (seen - truth)[20:].std(), shake
+    smooth = np.sin(np.arange(90)[:, None] / [4.0, 9.0, 20.0])
+    assert np.array_equal(filter_track(smooth), smooth)
+    shaken = smooth + 0.1 * random.standard_normal(smooth.shape)
+    assert (filter_track(shaken) - smooth)[5:].std() < 0.095
 
 
 def test_repeated_timecodes_are_dropped_and_minutes_carried(tmp_path):

@@ -12,7 +12,7 @@ from training.speech.hubert import HubertFeatures
 from training.systems.emoface import evaluate, folder_scores, train
 from training.systems.emoface.clips import load_emotion, of_corpus
 from training.systems.emoface.encoders import UNTAUGHT, EmotionNumbers
-from training.systems.emoface.model import CONFIGS
+from training.systems.emoface.model import CONFIGS, Branch
 from training.systems.emoface.pairs import Pairs, align
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.train import EmoFaceTrainer
@@ -121,7 +121,7 @@ def test_only_the_same_words_of_one_speaker_in_another_emotion_are_a_pair():
 
 
 def test_the_papers_loss_is_eq_11(folder):
-    trainer = open_trainer(folder, "--recipe", "paper", "--guided", "--tune-encoders")
+    trainer = open_trainer(folder, "--recipe", "paper", "--guided")
     for branch in (trainer.model.content, trainer.model.emotion):
         torch.nn.init.normal_(branch.motion_out.weight, std=0.05)
     batch = trainer.draw(0)
@@ -165,6 +165,25 @@ def test_the_rate_of_a_size_is_that_of_its_motion(folder):
 
 def test_emotions_are_those_of_the_folder(folder):
     assert open_trainer(folder).config.emotions == ["neutral", *sorted(FELT, reverse=True)]
+
+
+def test_the_recipe_says_whether_encoders_learn_unless_the_command_does(folder):
+    def learned(*flags: str) -> bool:
+        return open_trainer(folder, *flags).learner.encoders is not None
+
+    assert learned("--recipe", "paper") and learned("--tune-encoders")
+    assert not learned() and not learned("--recipe", "paper", "--no-tune-encoders")
+
+
+def test_both_branches_begin_with_an_imported_decoder(folder, tmp_path):
+    config = open_trainer(folder).config
+    torch.manual_seed(5)
+    branch = Branch(config)
+    torch.save({"state": branch.state_dict()}, tmp_path / "branch.pt")
+    model = open_trainer(folder, "--branches", tmp_path / "branch.pt").model
+    for name, value in branch.state_dict().items():
+        assert torch.equal(model.content.state_dict()[name], value)
+        assert torch.equal(model.emotion.state_dict()[name], value)
 
 
 @pytest.mark.slow

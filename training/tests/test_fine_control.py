@@ -3,14 +3,16 @@
 import json
 import math
 
+import numpy as np
 import pytest
 import torch
 
+from training.corpus.action_units import LOWER, channels
 from training.corpus.faces import CHANNELS
 from training.corpus.phones import BILABIALS
 from training.export import export
 from training.systems.cafe_talk import evaluate as evaluate_cafe_talk
-from training.systems.cafe_talk.fine_control import metrics, units
+from training.systems.cafe_talk.fine_control import engine_rates, metrics, units
 from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeControl
 from training.tests.test_cafe_talk import run
 
@@ -56,6 +58,27 @@ def test_far_change_looks_ten_frames_away_alone():
 def test_a_unit_is_the_mean_of_its_channels_on_both_sides():
     assert metrics.unit_values(weights(eyeBlinkLeft=0.8), "45")[0] == pytest.approx(0.4)
     assert metrics.unit_values(weights(jawOpen=0.8), "26")[0] == pytest.approx(0.8)
+
+
+def test_the_command_is_measured_unit_by_unit_and_way_by_way():
+    class Performer:
+        """A command whose events last as long as their slot, and half as strong if they are printed."""
+
+        def weights(self, clip, *flags: str) -> tuple[np.ndarray, np.ndarray]:
+            made, moved = np.zeros((75, len(CHANNELS)), np.float32), np.zeros((75, 204), np.float32)
+            if "--event" in flags:
+                unit = flags[flags.index("--event") + 1].split(":")[1]
+                strength = 0.5 if "printed" in flags else 1.0
+                for side in (0, 1):
+                    made[25:45, channels(unit, side)] = strength
+                moved[25:45, 3 * 62 + 1] = 1e-3 * strength * (unit in LOWER)
+            return made, moved
+
+    page = engine_rates.page(engine_rates.measure(Performer(), [None, None]), 2)
+    whole, half = "1.00 (1.00 to 1.00) | {:.1f}", "0.50 (0.50 to 0.50) | {:.1f}"
+    for name, mm in (("unit 1", 0.0), ("unit 26", 1.0), ("**lower units**", 1.0)):
+        cells = [whole.format(mm)] * 3 + [half.format(0.5 * mm)]
+        assert f"| {name} | 0.00 | {' | '.join(cells)} |" in page
 
 
 def test_closures_are_counted_within_the_slot():

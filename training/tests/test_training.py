@@ -14,7 +14,7 @@ from training.deform.static_weights import CONFIGS as STATIC
 from training.export import export, main
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm import train as train_stm
-from training.systems.freetalk.stm.local_start import effective_landmarks
+from training.systems.freetalk.stm.local_start import effective_landmarks, group_shares, locality
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.stm.paper import PaperDecoder
 from training.systems.freetalk.stm.train_paper import paper_mesh, prepare_weights
@@ -136,6 +136,38 @@ def test_attention_of_the_papers_decoder_starts_near_each_vertex(sequences):
     assert attended().median() > 60
     prepare_weights(model, [mesh])
     assert attended().median() < 20
+
+
+def test_attention_that_left_its_vertices_is_led_back(sequences):
+    mesh = paper_mesh(sequence_meshes([sequences], held_out=True)[0], PAPER["compact"])
+    torch.manual_seed(0)
+    model, still = PaperDecoder(PAPER["compact"]), torch.zeros(1, 68, 3)
+    geometry = mesh.mesh.geometry
+
+    def to_lips() -> float:
+        shares = group_shares(model, mesh.inputs, mesh.operators, still)
+        torch.testing.assert_close(sum(shares.values()), torch.ones(len(mesh.inputs)))
+        return float(shares["lips"][mesh.mesh.lips].mean())
+
+    def away() -> torch.Tensor:
+        features = model.encode(mesh.inputs, mesh.operators)
+        return locality(model, features, geometry.positions, still, geometry.landmarks)
+
+    assert to_lips() < 0.35
+    far = float(away().detach())
+    prepare_weights(model, [mesh])
+    near = float(away().detach())
+    assert to_lips() > 0.6 and near < 0.65 * far
+    with torch.no_grad():
+        model.attention.query.weight.mul_(0.2)
+    assert away() > 1.5 * near
+    optimiser = torch.optim.Adam(model.attention.query.parameters(), 1e-2)
+    for _ in range(60):
+        optimiser.zero_grad()
+        away().backward()
+        optimiser.step()
+    # The Gaussians themselves give the made-up face's lips a share of 0.54.
+    assert away() < 0.6 * near and to_lips() > 0.5
 
 
 def test_displacements_of_a_sequence_are_those_of_the_file(sequences):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import torch
 import torch.nn as nn
 import torch.nn.functional as F
@@ -15,6 +16,7 @@ from transformers import CLIPTextModelWithProjection, CLIPTokenizer
 
 from training.corpus.conditions import UNITS
 from training.text.sentences import Clause
+from training.text.words import TextPlaces
 
 AT_ONCE = 256
 """Number of texts that are encoded in one batch."""
@@ -50,6 +52,22 @@ class OnClip:
             )
             self.known.update(zip(some, F.normalize(self.model(**inputs).text_embeds, dim=-1), strict=True))
         return self.known
+
+
+class ClipWords(TextPlaces):
+    """Vectors of words in CLIP's space, of length 1: `C_emo` of Cafe-Talk as the paper has it (§3.1.1)."""
+
+    def __init__(self, folder: Path):
+        self.clip = OnClip(folder)
+
+    @property
+    def width(self) -> int:
+        """Length D of a vector."""
+        return self.clip.model.config.projection_dim
+
+    def of(self, word: str) -> np.ndarray:
+        """Vector of one word, [D]."""
+        return self.clip.places([word])[word].numpy()
 
 
 class ClipTower(nn.Module):

@@ -1,5 +1,6 @@
 """Reads the text space and the tower from a run or a model folder, and lists what such a folder stores."""
 
+import json
 from pathlib import Path
 
 import torch
@@ -7,11 +8,11 @@ from torch import Tensor
 
 from training.corpus.conditions import UNITS
 from training.nn.checkpoint import read_model, restored
-from training.text.clip import ClipTower
+from training.text.clip import ClipTower, ClipWords
 from training.text.pairs import MENU
 from training.text.sentences import RULES, STRENGTH
 from training.text.tower import FULL, NO_WORD, TextTower
-from training.text.words import Words
+from training.text.words import TextPlaces, Words
 
 
 def load_tower(folder: Path, on_clip: bool) -> tuple[Words, TextTower | ClipTower]:
@@ -32,6 +33,26 @@ def load_model_folder(folder: Path) -> tuple[Words, TextTower]:
     words = Words(rows, state.pop("vectors").numpy(), state.pop("ngrams").numpy())
     tower = {name: value for name, value in state.items() if name != "emotions"}
     return words, restored(TextTower(config["width"], config["hidden"]), tower)
+
+
+def load_places(folder: Path) -> TextPlaces:
+    """Vectors of words from a text space, from a model folder on one, or from a Hugging Face folder of CLIP.
+
+    Raises `ValueError` for any other folder.
+    """
+    if (folder / "space.npz").is_file():
+        return Words.load(folder)
+    config = folder / "config.json"
+    kinds = json.loads(config.read_text()) if config.is_file() else {}
+    if kinds.get("model") == "text_units":
+        return load_model_folder(folder)[0]
+    if str(kinds.get("model_type", "")).startswith("clip"):
+        return ClipWords(folder)
+    got = f"a config.json of {kinds.get('model') or kinds.get('model_type')}" if kinds else "neither file"
+    raise ValueError(
+        f"--text {folder}: expected space.npz of training.text.space, or config.json of text_units or of "
+        f"CLIP, got {got}; leave --text out for the built-in text space"
+    )
 
 
 def arrays(tower: TextTower | ClipTower, words: Words) -> dict[str, Tensor]:

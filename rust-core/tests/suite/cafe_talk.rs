@@ -146,6 +146,27 @@ fn a_stronger_event_shows_more() {
 }
 
 #[test]
+fn calibration_sets_the_peak_and_without_it_the_model_does() {
+    let raised = |calibrate: f32, events: &[&str]| {
+        let mut request = request_with(events);
+        request.controls.set("calibrate", calibrate);
+        weights(&performed(4.0, &request))
+    };
+    let peak = |clip: &WeightClip| {
+        let column = clip.weights.column(clip.column("browInnerUp").unwrap());
+        column.iter().copied().fold(0.0f32, f32::max)
+    };
+    let (on, off) = (0.0, 1.0);
+    for strength in [0.5, 1.0] {
+        let event = format!("1.5-2.5:1:{strength}");
+        let [calibrated, sampled] = [on, off].map(|value| peak(&raised(value, &[&event])));
+        assert!((calibrated - strength).abs() < 0.02, "{calibrated}");
+        assert!((sampled - strength).abs() > 0.02, "{sampled}");
+    }
+    assert_eq!(raised(on, &[]), raised(off, &[]));
+}
+
+#[test]
 fn windows_that_no_event_touches_keep_their_bits() {
     let windows = ENGINE.description().windows.unwrap();
     let seconds = 3.0 * windows.frames as f32 / windows.fps as f32;

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from training.corpus.checked import CorpusError, read_npz
+from training.corpus.kalman import filter_track
 from training.corpus.readers.sequences import HALVED, vocaset_split
 from training.corpus.readers.tables import (
     found_files,
@@ -116,8 +117,11 @@ def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
     """Reads RAVDESS (Livingstone & Russo 2018) as FLAME parameters that EMOCA tracked at 30 fps.
 
     The files are those of MEAD-3D but with RAVDESS's own names, 03-01-06-01-02-01-12.npz. Actors 1 to 20 are
-    for training, 21 and 22 for validation, 23 and 24 for testing, as in EmoFace (§4.1). The two statements
-    are the text, so that one actor's emotions can be crossed.
+    for training, 21 and 22 for validation, 23 and 24 for testing, as in EmoFace (§4.1). As there, a Kalman
+    filter smooths the parameters of expression and jaw. The paper also fixes "the last three of the pose
+    parameters". In EMOCA's order these turn the jaw, and the mouth would stay shut; here the head stays
+    still, as the paper's front view asks for, and the jaw moves. The two statements are the text, so that one
+    actor's emotions can be crossed.
     """
 
     def about(name: str) -> Clip:
@@ -133,7 +137,7 @@ def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
         split = "train" if actor <= 20 else "val" if actor <= 22 else "test"
         return Clip(f"actor{actor:02d}", split, label, 0.0 if label == "neutral" else strength, text)
 
-    return _of_parameters(source, folder, landmarks, "ravdess", RAVDESS_FPS, about)
+    return _of_parameters(source, folder, landmarks, "ravdess", RAVDESS_FPS, about, filter_track)
 
 
 @dataclass
@@ -148,9 +152,13 @@ class Clip:
 
 
 def _of_parameters(
-    source: Path, folder: Path, landmarks: Path | None, style: str, fps: float, about: Callable[[str], Clip]
-) -> Path:
-    """Reads a folder of FLAME parameters, the sound beside each, and FLAME's own pickle."""
+    source: Path, folder: Path, landmarks: Path | None, style: str, fps: float, about: Callable[[str], Clip],
+    smooth: Callable[[np.ndarray], np.ndarray] = lambda track: track,
+) -> Path:  # fmt: skip
+    """Reads a folder of FLAME parameters, the sound beside each, and FLAME's own pickle.
+
+    `smooth` gets the expression [T, E] and the jaw [T, 3] of each clip and returns the same, smoother.
+    """
     table = need_table(landmarks, "flame")
     models = [*source.glob("flame.pkl"), *source.glob("generic_model.pkl")]
     if not models:
@@ -163,7 +171,8 @@ def _of_parameters(
     for path in found_files(source, "*.npz"):
         name = "_".join(path.relative_to(source).with_suffix("").parts)
         clip = about(name)
-        shape, expression, jaw = _parameters(path, read_npz(path))
+        shape, *tracks = _parameters(path, read_npz(path))
+        expression, jaw = map(smooth, tracks)
         if clip.speaker not in speakers:
             speakers.add(clip.speaker)
             rest = model.vertices(shape, 0.0 * expression[:1], 0.0 * jaw[:1])[0]

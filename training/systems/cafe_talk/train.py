@@ -3,9 +3,11 @@
     python -m training.systems.cafe_talk.train --data ../shared/data --out runs/cafe_base
     python -m training.systems.cafe_talk.train --base runs/cafe_base/cafe_talk.pt ... --out runs/cafe_fine
 
-`--corpus` trains on corpus folders only. `--recipe paper` uses the losses, rate, batch and steps of the paper
-(`training/systems/cafe_talk/recipes.py`). Training is seeded and resumes from `--out/last.pt` with the same
-bits. `--device` and `--precision` choose where and how it computes (`training/machine.py`).
+`--corpus` trains on corpus folders only. With a folder of CLIP, `--text` makes the model learn its places of
+the emotions, as in the paper, instead of those of the built-in text space. `--recipe paper` uses the losses,
+rate, batch and steps of the paper (`training/systems/cafe_talk/recipes.py`). Training is seeded and resumes
+from `--out/last.pt` with the same bits. `--device` and `--precision` choose where and how it computes
+(`training/machine.py`).
 """
 
 import argparse
@@ -17,6 +19,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from training import shipped
 from training.corpus import arkit, spoken
 from training.corpus.action_units import active_units, random_events, sparse, unit_matrix
 from training.corpus.bank import Entry
@@ -37,7 +40,7 @@ from training.systems.cafe_talk.stored import load as load_stored
 from training.systems.freetalk import recipes
 from training.systems.freetalk.train import SHARES, add_speech_flags, speech_source
 from training.text.emotions import SYNONYMS
-from training.text.words import Words
+from training.text.stored import load_places
 
 TOKENS = 2000
 MASKED_SHARE = 0.2
@@ -97,7 +100,7 @@ class CafeTalkTrainer:
         self.sources, shares = source_shares(speech.entries)
         self.sampler = speech.sampler(self.sources, shares, seed)
         self.alphas = config.diffusion.alphas()
-        self.words = Words.load(arguments.text)
+        self.words = load_places(arguments.text)
         self.model = Denoiser(config)
         self.channel_weight = torch.ones(len(CHANNELS))
         self.channel_weight[[i for i, c in enumerate(CHANNELS) if c.startswith(("jaw", "mouth"))]] = (
@@ -289,7 +292,7 @@ def train(arguments) -> Path:
     seeded(arguments)
     config = CONFIGS[arguments.config]()
     speech = weights_source(arguments, config)
-    config.text_width = Words.load(arguments.text).vectors.shape[1]
+    config.text_width = load_places(arguments.text).width
     if arguments.corpus:
         config.styles = [*sorted({e.source for e in speech.entries}), ANY_STYLE]
     config.coarse = arguments.coarse
@@ -361,7 +364,8 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/cafe_base", None, None, log_every=300)
     recipes.add_arguments(parser)
-    parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the text space")
+    texts = "text space of training.text.space, model folder text_units, or folder of a CLIP checkpoint"
+    parser.add_argument("--text", type=Path, default=shipped("text_units"), help=texts)
     parser.add_argument(
         "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
     )

@@ -28,6 +28,7 @@ from training.systems.emoface.encoders import (
     Encoders,
 )
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Template
+from training.systems.emoface.recipes import EMOFACE
 from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
 
@@ -85,7 +86,9 @@ def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]
     folder = CorpusFolder(arguments.corpus)
     present = {row.emotion for row in folder.rows if not row.held_out}
     config.emotions = [f for f in EMOTIONS if f == NEUTRAL or f in present]
-    encoders = encoders_of(arguments, config, config.speech.transformer_fps is not None)
+    learn = arguments.tune_encoders
+    learn = EMOFACE[arguments.recipe].tunes_encoders if learn is None else learn
+    encoders = encoders_of(arguments, config, config.speech.transformer_fps is not None, learn)
     config.speech, config.emotion = encoders.speech.about, encoders.emotion.about
     config.emotion_channels = encoders.emotion_channels
     clips = folder_clips.spoken(folder, encoders, config.fps)
@@ -93,8 +96,8 @@ def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]
     return clips, encoders
 
 
-def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> Encoders:
-    """The encoders that the command line names, at the model's frame rate.
+def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool, learn: bool = False) -> Encoders:
+    """The encoders that the command line names, at the model's frame rate. They train too if they `learn`.
 
     With `before_transformer`, a checkpoint resamples before its transformer, as FaceFormer does. Callers set
     it if the size of the model asks for this or if the model was trained so.
@@ -108,7 +111,7 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
         emotion = CheckpointEmotion(folder, config.fps, before_transformer, config.emotions)
     else:
         emotion = EmotionNumbers(arguments.emotion_encoder, config.fps)
-    return Encoders(speech, emotion, arguments.tune_encoders)
+    return Encoders(speech, emotion, learn)
 
 
 @torch.no_grad()

@@ -120,7 +120,6 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
         for name, folder in names.items():
             setattr(arguments, name, folder)
     inputs = [x.transformer_fps for x in (config.speech, config.emotion) if x is not None]
-    arguments.tune_encoders = False
     encoders = encoders_of(arguments, config, any(x is not None for x in inputs))
     for flag, expected, got in (
         ("--speech or --hubert", config.speech, encoders.speech.about),

@@ -7,8 +7,8 @@ are made from its phones and labels. `--corpus` reads vertex sequences of a corp
 paper does. Then recordings of one speaker and sentence in two emotions are crossed (`pairs`), and the frame
 rate is that of `--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`.
 With `--emotion-hubert` it is a second checkpoint, as in the paper. Both encoders are frozen unless
-`--tune-encoders` trains them too, with eq. 10. `--recipe paper` is eq. 11 as printed. Training is seeded and
-resumes from `--out/last.pt` with the same bits.
+`--tune-encoders` trains them too, with eq. 10. `--recipe paper` is eq. 11 as printed, eq. 10 included, unless
+`--no-tune-encoders` leaves it out. Training is seeded and resumes from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -93,6 +93,10 @@ class EmoFaceTrainer:
         if arguments.base is not None:
             saved = torch.load(arguments.base, map_location="cpu")["state"]
             self.model.load_state_dict({name: saved[name] for name in self.model.state_dict()})
+        if arguments.branches is not None:
+            saved = torch.load(arguments.branches, map_location="cpu", weights_only=True)["state"]
+            for branch in (self.model.content, self.model.emotion):
+                branch.load_state_dict(saved)
         self.template = template
         self.learner = Learner(self.model, encoders)
 
@@ -275,8 +279,9 @@ def parser() -> argparse.ArgumentParser:
     recipes.add_arguments(parser)
     parser.add_argument("--corpus", type=Path, help="corpus folder with vertex sequences")
     parser.add_argument(
-        "--tune-encoders", action="store_true", help="train both encoders too, on a corpus folder"
-    )
+        "--tune-encoders", action=argparse.BooleanOptionalAction,
+        help="train both encoders too, on a corpus folder; the paper's recipe does (default: as the recipe)",
+    )  # fmt: skip
     parser.add_argument("--speech", type=Path, default=SHIPPED_EAR, help="ear.pt or folder of the ear")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
@@ -298,6 +303,8 @@ def parser() -> argparse.ArgumentParser:
         "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
     )
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
+    both = "decoder of training.import_checkpoint emoface-branches, with which both branches begin"
+    parser.add_argument("--branches", type=Path, help=both)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
     parser.add_argument(

@@ -16,14 +16,18 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from training import shipped
 from training.corpus import bank, ear
 from training.corpus.arkit import as_weights, landmarks_of
+from training.corpus.faces import CHANNELS
+from training.corpus.grid import tracked_lids
 from training.corpus.poses import LIDS, UPPER, emotion_prototypes
 from training.corpus.shares import lasting
+from training.corpus.windows import Batch
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, feature_scores, motion_loss
 from training.machine import Machine, add_arguments
@@ -42,10 +46,11 @@ from training.systems.facetalk.motion import (
     MotionConfig,
     debug_config,
     landmark_config,
+    paper_config,
     sample,
 )
 from training.systems.facetalk.recipes import MOTION
-from training.systems.facetalk.stored import load_head_and_motions
+from training.systems.facetalk.stored import load_head_and_motions, load_motion
 from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.45, "grid_five": 0.2, "facegood_zh": 0.35}
@@ -58,11 +63,14 @@ LANDMARK_SCALE_MM = 3.0
 LEAST_DEVIATION = 0.02
 PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
-CONFIGS = {"compact": MotionConfig, "debug": debug_config}
+CONFIGS = {"compact": MotionConfig, "paper": paper_config, "debug": debug_config}
 BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
 """Share of rows of landmark motion that get an added emotion and moving brows, and the shortest and longest
 time in frames from their peak to their end. Apart from this share, lids shut in half of the rows.
 """
+UPPER_FACE = [i for i, name in enumerate(CHANNELS) if name.startswith(("brow", "eyeBlink", "eyeS", "eyeW"))]
+TRACKED_LIDS = [i for i in UPPER_FACE if CHANNELS[i].startswith("eye")]
+"""Channels of brows and lids, and those among them that the tracker of GRID reads itself."""
 UNEVEN_MM = 1.5
 """Largest standard deviation, in mm, of the noise on landmarks that imitates tracking errors. Each row draws
 its own deviation between 0 and this.
@@ -92,10 +100,21 @@ class Codes:
 
 
 def with_weights(entries: list[bank.Entry], arguments) -> list[bank.Entry]:
-    """The same clips with ARKit weights as motion."""
+    """The same clips with ARKit weights as motion. Clips of GRID have the lids that were tracked."""
     if arguments.corpus:
         return as_weights(entries, folders=arguments.corpus)
-    return solved(entries, arguments)
+    lids = tracked_lids(arguments.data, [CHANNELS[i] for i in TRACKED_LIDS])
+    return [with_lids(e, lids.get((e.source, e.name))) for e in solved(entries, arguments)]
+
+
+def with_lids(entry: bank.Entry, lids: np.ndarray | None) -> bank.Entry:
+    """The clip with tracked weights of the lids [T, L] in its motion, if there are any."""
+    if lids is None:
+        return entry
+    motion, weight = entry.motion.clone(), entry.weight.expand(entry.motion.shape).clone()
+    motion[:, TRACKED_LIDS] = torch.from_numpy(lids[: len(motion)]).to(motion)
+    weight[:, TRACKED_LIDS] = 1.0
+    return replace(entry, motion=motion, weight=weight)
 
 
 class Trainer:
@@ -125,13 +144,15 @@ class Trainer:
         self.sampler = speech.sampler(list(shares), list(shares.values()), seed)
         self.alphas = config.diffusion.alphas()
         self.model = Denoiser(config)
-        rows = torch.cat([self.sampler.batch(16, 96).motion.float().flatten(0, 1) for _ in range(12)])
+        rows = torch.cat([self.weights(self.sampler.batch(16, 96)).flatten(0, 1) for _ in range(12)])
         codes = self.codes.of(rows)
         self.model.mean.copy_(codes.mean(0))
         self.model.std.copy_(codes.std(0).clamp_min(LEAST_DEVIATION))
         if self.by_landmarks:
-            rows = torch.cat([self.beside(self.sampler.batch(32, 48).motion.float()) for _ in range(20)])
+            rows = torch.cat([self.beside(self.weights(self.sampler.batch(32, 48))) for _ in range(20)])
             self.model.begin_direct(self.memory(None, rows).flatten(0, 1), self.codes.of(rows).flatten(0, 1))
+        if arguments.start is not None:
+            self.model.go_on_from(motion_of(arguments.start, arguments.memory))
         self.machine.place(self.model, arguments.seed)
         self.codes.to(self.machine.device)
 
@@ -140,7 +161,7 @@ class Trainer:
         device = self.machine.device
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
-        weights = r[:, None, None] * batch.motion.float()
+        weights = r[:, None, None] * self.weights(batch)
         if self.by_landmarks:
             weights = self.beside(weights)
         t, noise = self._noise(count, frames)
@@ -165,6 +186,24 @@ class Trainer:
         agreement, parts = feature_concordance(shown[has_speech], truth[has_speech])
         total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
+
+    def weights(self, batch: Batch) -> Tensor:
+        """Weights of a batch, [B, T, 51], with brows and lids in every row.
+
+        Speech hardly determines brows and lids, and some recordings lack them. At rest there, they would
+        teach that such voices never blink. So these rows get those of other rows of the batch.
+        """
+        weights = batch.motion.float().clone()
+        if self.by_landmarks:
+            return weights
+        sees_upper = batch.weight[..., UPPER_FACE].flatten(1).amax(1) > 0.0
+        donors, blind = sees_upper.nonzero()[:, 0], (~sees_upper).nonzero()[:, 0]
+        if len(donors) and len(blind):
+            chosen = donors[torch.randint(0, len(donors), (len(blind),), generator=self.random)]
+            weights[blind[:, None, None], torch.arange(weights.shape[1])[:, None], UPPER_FACE] = weights[
+                chosen[:, None, None], torch.arange(weights.shape[1])[:, None], UPPER_FACE
+            ]
+        return weights
 
     def _noise(self, count: int, frames: int) -> tuple[Tensor, Tensor]:
         """Noise levels [B] and noise for codes [B, T, X]. Our recipe often draws the level of pure noise."""
@@ -241,6 +280,14 @@ def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
     return report
 
 
+def motion_of(path: Path, memory: str) -> Denoiser:
+    """Loads a motion.pt, or from a model folder the model with that input."""
+    if path.is_file():
+        return load_motion(path)
+    name = "landmark_motion" if memory == LANDMARKS else "motion"
+    return load_head_and_motions(path)[1][name]
+
+
 def head_of(path: Path) -> Head:
     """Loads a head.pt, or the head of a model folder."""
     return load_head_and_motions(path)[0]
@@ -271,6 +318,7 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/facetalk_motion", 4000, None, log_every=200, save_every=500)
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
+    parser.add_argument("--start", type=Path, help="motion.pt, or a model folder, to go on from")
     parser.add_argument("--speech", type=Path, help="ear.pt of training.speech.train_ear, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument(

@@ -56,6 +56,17 @@ static GUIDANCE: Control = Control {
     ..STEPS
 };
 
+/// Whether events are put on the times and the strength that was asked for.
+static CALIBRATE: Control = Control {
+    name: "calibrate",
+    label: "Calibrate Events",
+    help: "On: after sampling, an event rises and falls as long as the units take, and its peak is its strength. Off: \
+           as the model and eq. 6 make it.",
+    values: ControlValues::Choice(&["on", "off"]),
+    high: 1.0,
+    ..STEPS
+};
+
 /// Multiplies the model's own α of eq. 6.
 static COARSE_GUIDANCE: Control = Control {
     name: "coarse_guidance",
@@ -89,7 +100,15 @@ static PERFORMANCE: &[Control] = &[
     control_named("variety"),
 ];
 
-static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, COARSE_GUIDANCE, STEPS, NOISE, LEARNED];
+static OWN_CONTROLS: &[Control] = &[
+    EVENTS,
+    GUIDANCE,
+    CALIBRATE,
+    COARSE_GUIDANCE,
+    STEPS,
+    NOISE,
+    LEARNED,
+];
 
 /// Cafe-Talk in the registry.
 pub static REGISTRATION: Registration = Registration {
@@ -161,9 +180,9 @@ impl CafeTalk {
         }
     }
 
-    /// Samples weights `[T, M]`. If there are events, also samples without them. [`retime`] lets the
+    /// Samples weights `[T, M]` with events and without them. [`retime`] lets the
     /// difference come and go as on a face, and [`calibrate`] scales it to the strength of each event
-    /// times `strength`. Guidance as printed has neither.
+    /// times `strength`.
     fn calibrated(
         &self,
         request: Request<'_>,
@@ -171,10 +190,6 @@ impl CafeTalk {
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
         let events = request.events;
-        let has_events = events.mask.iter().any(|strength| *strength != 0.0);
-        if !has_events || request.guidance.is_printed {
-            return self.denoiser.sample(&request, progress);
-        }
         let half = |done: f32| {
             move |now: Progress| {
                 let fraction = done + 0.5 * now.fraction;
@@ -213,25 +228,34 @@ impl CafeTalk {
         let plain_events = EventTrack::of(&[], shapes, time, edge_s, onset);
         let steps = STEPS.value(&request.controls) as usize;
         let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
-        let mut weights = self.calibrated(
-            Request {
-                speech: speech.view(),
-                style: self.style(request.style.as_deref())?,
-                emotion: self.denoiser.places(mixtures).view(),
-                intensity: &affect.column(affect.ncols() - 1).to_vec(),
-                events: &events,
-                seed: request.seed,
-                temperature: NOISE.value(&request.controls) * config.sampling.temperature,
-                steps: match steps {
-                    0 => config.sampling.steps,
-                    steps => steps,
-                },
-                guidance,
-                window_cache: Some(&self.window_cache),
+        let (places, intensity) = (
+            self.denoiser.places(mixtures),
+            affect.column(affect.ncols() - 1).to_vec(),
+        );
+        let is_as_sampled =
+            guidance.is_printed || CALIBRATE.value(&request.controls) != CALIBRATE.default;
+        let has_events = events.mask.iter().any(|strength| *strength != 0.0);
+        let to_sample = Request {
+            speech: speech.view(),
+            style: self.style(request.style.as_deref())?,
+            emotion: places.view(),
+            intensity: &intensity,
+            events: &events,
+            seed: request.seed,
+            temperature: NOISE.value(&request.controls) * config.sampling.temperature,
+            steps: match steps {
+                0 => config.sampling.steps,
+                steps => steps,
             },
-            (&plain_events, EVENTS.value(&request.controls)),
-            progress,
-        )?;
+            guidance,
+            window_cache: Some(&self.window_cache),
+        };
+        let mut weights = if is_as_sampled || !has_events {
+            self.denoiser.sample(&to_sample, progress)?
+        } else {
+            let strength = EVENTS.value(&request.controls);
+            self.calibrated(to_sample, (&plain_events, strength), progress)?
+        };
         // Units that no network has learned set the least weights of their shapes.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
         let mut clip = WeightClip {

@@ -26,7 +26,7 @@ from training.corpus.prepared import COUNTS, Corpus, PreparedMesh, load_or_build
 from training.corpus.sequence_meshes import held_out_errors, sequence_meshes
 from training.deform.static_weights import StaticConfig, StaticWeights, deform
 from training.nn.checkpoint import load_model, restored
-from training.systems.freetalk.stm.local_start import effective_landmarks
+from training.systems.freetalk.stm.local_start import GROUPS, effective_landmarks, group_shares
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
@@ -125,16 +125,23 @@ def paper(model: PaperDecoder) -> Method:
 
 
 def attention_line(model: PaperDecoder, meshes: list[PreparedMesh], landmarks: Callable) -> str:
-    """Says how many landmarks the paper's decoder attends to. `landmarks(mesh)`: motion [T, N, 3] dm."""
-    landmark_counts = []
+    """Says how many landmarks the paper's decoder attends to, and to which parts the vertices of the lips do.
+
+    `landmarks(mesh)`: motion [T, N, 3] dm.
+    """
+    landmark_counts, of_lips = [], []
     for mesh in meshes:
-        prepared = paper_mesh(mesh, model.config)
-        landmark_counts.append(
-            effective_landmarks(model, prepared.inputs, prepared.operators, landmarks(mesh)).flatten()
-        )
+        prepared, motion = paper_mesh(mesh, model.config), landmarks(mesh)
+        face = (prepared.inputs, prepared.operators)
+        landmark_counts.append(effective_landmarks(model, *face, motion).flatten())
+        of_lips.append({k: v[mesh.lips].mean() for k, v in group_shares(model, *face, motion[:1]).items()})
     counts = torch.cat(landmark_counts).quantile(torch.tensor([0.1, 0.5, 0.9]))
-    return "landmarks that a vertex attends to, of 68 (deciles 1, 5, 9): " + ", ".join(
-        f"{c:.1f}" for c in counts
+    means = {name: float(np.mean([shares[name] for shares in of_lips])) for name in GROUPS}
+    return (
+        "landmarks that a vertex attends to, of 68 (deciles 1, 5, 9): "
+        + ", ".join(f"{c:.1f}" for c in counts)
+        + "; attention of the lips' vertices: "
+        + ", ".join(f"{100 * share:.0f} % {name}" for name, share in means.items())
     )
 
 

@@ -1,14 +1,18 @@
-"""Makes the attention of the `paper` decoder local before training begins.
+"""Makes the attention of the `paper` decoder local before training begins, and keeps it so.
 
 With random weights every vertex attends equally to all landmarks, and the gradients of such a flat softmax
 are too small to change that within a day. So in the first four channels of every head, `query · key` of eq.
 13 starts as `(2 x·l - l·l) / (2 σ²)`. Up to a constant of the vertex, this is `-|x - l|² / (2 σ²)`: a
 Gaussian over the landmarks around the vertex. Linear layers estimate the positions `x` from the vertex's
 feature and `l` from the landmark's index. They are fitted to the training faces.
+
+Eq. 15 alone then leads away from it: after 36,000 steps the vertices of the lips gave 46 % of their attention
+to the jaw and 10 % to the lips. So `locality` draws every head back to its Gaussian while it trains.
 """
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from training.nn.diffusion_net import SurfaceOperators
@@ -19,6 +23,11 @@ PLACE = 4
 SIGMAS_DM = (0.15, 0.4)
 """σ of the first and of the last attention head in dm. The heads between form a geometric series."""
 ONE_VERTEX_IN = 5
+GROUPS = {
+    "jaw": slice(0, 17), "brows": slice(17, 27), "nose": slice(27, 36), "eyes": slice(36, 48),
+    "lips": slice(48, 68),
+}  # fmt: skip
+"""The landmarks of each part of the face."""
 
 
 @torch.no_grad()
@@ -49,6 +58,33 @@ def attend_nearby(
         attention.query.weight[rows], attention.query.bias[rows] = gain * of_vertex, gain * offset
         attention.key.weight[rows], attention.key.bias[rows] = 0.0, 0.0
         attention.key.weight[rows, -PLACE:] = gain * torch.eye(PLACE)
+
+
+def locality(
+    model: PaperDecoder, features: Tensor, places: Tensor, landmarks: Tensor, rest: Tensor
+) -> Tensor:
+    """How far the attention is from the Gaussians of `attend_nearby`: cross-entropy less entropy, mean.
+
+    features: [V, C] of the vertices at `places` [V, 3] dm. landmarks: motion of one frame [1, N, 3] dm about
+    `rest` [N, 3] dm.
+    """
+    sigmas = torch.as_tensor(np.geomspace(*SIGMAS_DM, model.attention.heads)).to(places)
+    squares = torch.cdist(places, rest).square()
+    nearby = torch.softmax(-squares / (2.0 * sigmas[:, None, None].square()), dim=-1)
+    shares = model.attention.shares(features, model.nodes(landmarks))[0]
+    return F.kl_div(shares.clamp_min(1e-8).log(), nearby, reduction="sum") / shares[..., 0].numel()
+
+
+@torch.no_grad()
+def group_shares(
+    model: PaperDecoder, inputs: Tensor, operators: SurfaceOperators, landmarks: Tensor
+) -> dict[str, Tensor]:
+    """Share of each vertex's attention that a part of the face gets, the heads' mean, [V] by part.
+
+    inputs: [V, 6]. landmarks: motion of one frame [1, N, 3] dm.
+    """
+    shares = model.attention.shares(model.encode(inputs, operators), model.nodes(landmarks))[0].mean(0)
+    return {name: shares[:, part].sum(-1) for name, part in GROUPS.items()}
 
 
 def fit(inputs: Tensor, targets: Tensor, ridge: float) -> tuple[Tensor, Tensor]:

@@ -35,7 +35,7 @@ from training.deform.static_weights import (
     deform,
 )
 from training.machine import Machine, add_arguments
-from training.nn.checkpoint import save
+from training.nn.checkpoint import load_model, save
 from training.run import Run
 from training.systems.freetalk import recipes
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
@@ -174,6 +174,7 @@ def train_on_data(args) -> None:
             coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MAX_VERTICES] for f in faces}
             prepared = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
             steps, log = args.steps or PAPER_STEPS, {"log_every": args.log_every}
+            log["start"] = start_of(args)
             model = train_paper(config, speech, steps, args.seed, prepared, out, *how(args), **log)
         save(args.runs / f"{args.model}_{name}.pt", model)
 
@@ -186,6 +187,12 @@ def machine_of(args) -> Machine:
 def how(args) -> tuple[recipes.Recipe, Machine]:
     """Recipe and machine for the paper's decoder."""
     return recipes.chosen(recipes.STM, args), machine_of(args)
+
+
+def start_of(args) -> PaperDecoder | None:
+    """The paper's decoder of `--start`, if there is one."""
+    make = lambda config: PaperDecoder(PaperConfig(**config))  # noqa: E731
+    return None if args.start is None else load_model(args.start, make)
 
 
 def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, float]]:
@@ -228,7 +235,7 @@ def train_on_corpora(args) -> Path:
         config = PAPER[args.config or "compact"]
         prepared = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
         steps = paper_steps(args, meshes)
-        log = {"log_every": args.log_every, "judge": judge_on(args, config)}
+        log = {"log_every": args.log_every, "judge": judge_on(args, config), "start": start_of(args)}
         model = train_paper(config, None, steps, args.seed, prepared, out, *how(args), **log)
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(path, model)
@@ -255,6 +262,7 @@ def parser() -> argparse.ArgumentParser:
     )
     logs = f"steps between rows of log.csv, paper's decoder only: {LOG_EVERY}"
     parser.add_argument("--log-every", type=int, default=LOG_EVERY, help=logs)
+    parser.add_argument("--start", type=Path, help="model folder of the paper's decoder to go on from")
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
     parser.add_argument("--seed", type=int, default=0)

@@ -1,8 +1,8 @@
 """Training of the `paper` decoder.
 
 Losses are as in the paper (section 3.3): squares of position, velocity and acceleration. In our recipe each
-vertex first attends to nearby landmarks (`local_start`), the attention learns at a tenth of the rate, half of
-the samples are mirrored, and the rate rises and then falls.
+vertex first attends to nearby landmarks, a loss keeps it so (`local_start`), the attention learns at a tenth
+of the rate, half of the samples are mirrored, and the rate rises and then falls.
 """
 
 import math
@@ -23,7 +23,7 @@ from training.machine import Machine
 from training.nn.diffusion_net import SurfaceOperators
 from training.run import Run
 from training.systems.freetalk.recipes import STM, Recipe
-from training.systems.freetalk.stm.local_start import attend_nearby
+from training.systems.freetalk.stm.local_start import attend_nearby, locality
 from training.systems.freetalk.stm.paper import LANDMARKS, PaperConfig, PaperDecoder
 
 FRAMES = 4
@@ -32,6 +32,8 @@ LOG_EVERY = 2000
 LANDMARK_GAIN = 20.0
 ATTENTION_RATE = 0.1
 """Share of the learning rate for the parameters that decide which landmarks a vertex attends to."""
+LOCALITY = 0.02
+"""Weight of `locality` beside squares in cm². Its gradient does not reach the mesh encoder."""
 START_MESHES = 8
 """Number of meshes of each face to which the attention is fitted before training."""
 
@@ -101,8 +103,13 @@ def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
     latent = model.config.latent
     model.landmark_encoder.layer_0.weight.mul_(LANDMARK_GAIN)
     model.decoder.first_lin.weight[:, latent : latent + 3 * LANDMARKS].mul_(LANDMARK_GAIN)
-    places = torch.stack([face.mesh.geometry.landmarks for face in faces]).mean(0)
-    attend_nearby(model, [(face.inputs, face.operators) for face in faces], places)
+    attend_nearby(model, *places_of(faces))
+
+
+def places_of(faces: list[PaperMesh]) -> tuple[list[tuple[Tensor, SurfaceOperators]], Tensor]:
+    """Inputs and operators of faces, and their mean landmarks at rest [N, 3] dm."""
+    mean = torch.stack([face.mesh.geometry.landmarks for face in faces]).mean(0)
+    return [(face.inputs, face.operators) for face in faces], mean
 
 
 def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
@@ -135,20 +142,26 @@ def train_paper(
     recipe: Recipe = STM["ours"],
     machine: Machine | None = None,
     decoder: type[PaperDecoder] = PaperDecoder,
+    start: PaperDecoder | None = None,
     log_every: int = LOG_EVERY,
     judge: Callable[[PaperDecoder], dict[str, float]] = lambda _: {},
 ) -> PaperDecoder:
     """Trains on the faces of `prepared`; resumes from `out`.
 
     `speech` holds weights of the meshes' modes; it is None for meshes with their own sequences. `decoder` may
-    be a class that lacks a part, for comparison. A row of the log has the mean loss since the last row and
+    be a class that lacks a part, for comparison. The weights of `start` go on from there; its attention
+    becomes local again. A row of the log has the mean loss since the last row and
     the scores that `judge` returns for the model.
     """
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
     model = decoder(config)
-    if not recipe.plain:
-        prepare_weights(model, [face for meshes in prepared.values() for face in meshes[:START_MESHES]])
+    faces = [face for meshes in prepared.values() for face in meshes[:START_MESHES]]
+    if start is not None:
+        model.load_state_dict(start.state_dict())
+        attend_nearby(model, *places_of(faces))
+    elif not recipe.plain:
+        prepare_weights(model, faces)
     machine.place(model, seed)
     draw = Draw(np.random.default_rng(machine.seed(seed)), prepared, speech, machine.device, recipe.plain)
     groups = parameter_groups(model, recipe)
@@ -162,8 +175,14 @@ def train_paper(
             group["lr"] = group["share"] * recipe.rate * (warm(step, steps) if recipe.annealed else 1.0)
         face, landmarks, motion = draw.next(step)
         with machine.autocast():
-            predicted = predict(model, face, landmarks)
+            features = model.encode(face.inputs, face.operators)
+            predicted = model.decode(features, landmarks, face.operators)
         loss = motion_loss(predicted.float() - motion, recipe)
+        if not recipe.plain:
+            geometry = face.mesh.geometry
+            loss = loss + LOCALITY * locality(
+                model, features.detach().float(), geometry.positions, landmarks[:1], geometry.landmarks
+            )
         machine.step(loss, model, optimiser, 1.0)
         losses.append(loss.item())
         run.after(step, losses[-1])
