@@ -181,7 +181,7 @@ def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
     shared = any(other != ob for other in others(scene, channel))
     name = f"{ob.name} {text}" if shared else text
     strip = sequencer.new_text(scene, name, channel, frame, last)
-    strip.text, strip.mute, strip.blend_alpha = text, True, strength
+    strip.text, strip.blend_alpha = text, strength
     return strip
 
 

@@ -62,7 +62,7 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
         if len(event_rows) > _MAX_ROWS:
             column.label(text=f"and {len(event_rows) - _MAX_ROWS} more")
         if not event_rows:
-            text = "A text strip in this channel is an event: its text what the face does"
+            text = "A text strip in this channel is an event: its text says what the face does"
             words.draw(column, text, context.region.width, "INFO")
 
 
@@ -128,10 +128,12 @@ copy and rename"""
             raise AnyfaceError(
                 "input", f"frame {frame} of channel {channel} has a strip: move the playhead"
             )
+        was_used = scene.render.use_sequencer
         strip = event_strips.add(scene, ob, channel, text, frame, self.strength)
         ob.anyface_audio.event_channel = strip.channel
         first, last = sequencer.ends(strip)
-        return f"{text} in channel {strip.channel}, frames {first} to {last - 1}"
+        added = f"{text} in channel {strip.channel}, frames {first} to {last - 1}"
+        return sequencer.with_camera_kept(scene, was_used, added)
 
     def _text(self) -> str:
         """The text of the strip; raises `AnyfaceError("input")` for invalid units."""

@@ -9,7 +9,7 @@ from bpy.types import Operator, Panel
 from ..core.errors import AnyfaceError
 from ..core.job import Work, at_once
 from ..scene import bake
-from ..scene.sound import decode, sounds
+from ..scene.sound import decode, sequencer, sounds
 from ..scene.takes import redo
 from . import running, texts, words
 from .audio import WithSound
@@ -49,6 +49,15 @@ def _listen(source, engine, text: str, progress) -> tuple:
     return engine.listen_to_words(heard, text) if text else (engine.listen(heard), [])
 
 
+def _show(scene, source, closures, words=()) -> str:
+    """Adds the strips, and says how many."""
+    was_used = scene.render.use_sequencer
+    count = sounds.show(scene, source, closures, words)
+    said = f", {len(words)} words" if words else ""
+    times = "once" if count == 1 else f"{count} times"
+    return sequencer.with_camera_kept(scene, was_used, f"The lips close {times}{said}")
+
+
 class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
     """Show where the lips close (p, b, m) as text strips. Move, delete, copy or rename them, then \
 use Redo Stretch. The words of the text are shown above"""
@@ -67,10 +76,7 @@ use Redo Stretch. The words of the text are shown above"""
 
     def finish(self, ob, work, heard):
         """Adds the strips."""
-        closures, words = heard
-        count = sounds.show(bpy.data.scenes[self._scene], work.about, closures, words)
-        said = f", {len(words)} words" if words else ""
-        return f"{count} times the lips close{said}"
+        return _show(bpy.data.scenes[self._scene], work.about, *heard)
 
 
 class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
@@ -92,7 +98,7 @@ lines of start, end, phone"""
         source = bake.find_sound(scene, settings, engine)
         fps = scene.render.fps / scene.render.fps_base
         closures = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
-        return f"{sounds.show(scene, source, closures)} times the lips close"
+        return _show(scene, source, closures)
 
 
 class ANYFACE_OT_redo(WithSound, InThread, Operator):

@@ -33,6 +33,41 @@ print("RANGE", *action.frame_range)
 """
 
 
+RENDER = """
+import bpy, array
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.anyface")
+scene = bpy.context.scene
+render = scene.render
+render.engine, scene.cycles.samples, render.filepath = "CYCLES", 1, {picture!r}
+scene.cycles.use_denoising = False
+render.resolution_x = render.resolution_y = 16
+editor = scene.sequence_editor_create()
+strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+strips.new_sound("Voice", {voice!r}, 1, 21)
+bpy.ops.wm.obj_import(filepath={head!r}, use_split_objects=False, use_split_groups=False)
+head = bpy.context.object
+head.hide_render = True
+head.anyface.system, head.anyface.source, head.anyface.strip = "cafe-talk", "STRIP", "Voice"
+
+def rendered():
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(render.filepath)
+    pixels = array.array("f", image.pixels[:])
+    bpy.data.images.remove(image)
+    return pixels
+
+before = rendered()
+assert max(before[::4]) > 0.1
+assert bpy.ops.anyface.event_add(expression="smile") == {{"FINISHED"}}
+after_event = rendered()
+assert bpy.ops.anyface.sounds_read(filepath={sounds!r}) == {{"FINISHED"}}
+after_sounds = rendered()
+texts = sum(strip.type == "TEXT" for strip in strips)
+print("TEXTS", texts, "SAME", before == after_event, before == after_sounds)
+"""
+
+
 @pytest.fixture(scope="module")
 def blender(tmp_path_factory):
     """`blender(…)` runs the executable with its own folder of user files."""
@@ -105,3 +140,17 @@ def test_the_command_does_a_batch(blender, voice):  # noqa: F811
         json.loads((folder / f"jobs.reports/{name}.json").read_text()) for name in ("one", "two")
     ]
     assert outcomes[0]["faces"][0]["largest_mm"] > 1.0 and outcomes[1]["exit_code"] == 4
+
+
+def test_strips_of_events_and_sounds_leave_the_render_as_it_was(blender, voice):  # noqa: F811
+    folder = blender.folder
+    sound, head, closures = folder / "spoken.wav", folder / "face.obj", folder / "closures.txt"
+    shutil.copy(voice[0], sound)
+    shutil.copy(HEAD, head)
+    closures.write_text("0.1 0.2 p\n0.4 0.5 b\n")
+    names = {"picture": folder / "picture.png", "voice": sound, "head": head, "sounds": closures}
+    script = folder / "render.py"
+    script.write_text(RENDER.format(**{name: str(path) for name, path in names.items()}))
+    done = blender("--python-exit-code", "1", "--python", script)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "TEXTS 3 SAME True True" in done.stdout, done.stdout + done.stderr

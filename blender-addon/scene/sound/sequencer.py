@@ -12,6 +12,7 @@ import bpy
 from ...core.errors import AnyfaceError
 
 MAX_CHANNELS = 128
+CAMERA_KEPT = "Sequencer in Output, Post Processing is off, so that the camera is rendered"
 
 
 def all_strips(scene) -> list:
@@ -108,12 +109,36 @@ def place(strip, first: int, last: int) -> None:
 
 
 def new_text(scene, name: str, channel: int, first: int, last: int):
-    """A new text strip from frame `first` up to, but not including, frame `last`."""
+    """A new muted text strip from frame `first` up to, but not including, frame `last`.
+
+    The scene renders as before.
+    """
     strips = outer_strips(scene.sequence_editor_create())
+    _keep_camera(scene)
     place = {"name": name, "type": "TEXT", "channel": channel, "frame_start": first}
     if bpy.app.version >= (5, 0, 0):
-        return strips.new_effect(**place, length=last - first)
-    return strips.new_effect(**place, frame_end=last)
+        strip = strips.new_effect(**place, length=last - first)
+    else:
+        strip = strips.new_effect(**place, frame_end=last)
+    strip.mute = True
+    return strip
+
+
+def _keep_camera(scene) -> None:
+    """Takes the sequencer out of the render where it has nothing but sounds and muted texts.
+
+    4.3 renders the sequencer instead of the camera as soon as it has a strip that is no sound, even
+    a muted one, and then the picture is empty. 5.0 does not. The sound of videos stays.
+    """
+    pictures = [strip for strip in all_strips(scene) if strip.type != "SOUND"]
+    shows = (strip.type != "TEXT" or not strip.mute for strip in pictures)
+    if bpy.app.version < (5, 0, 0) and scene.render.use_sequencer and not any(shows):
+        scene.render.use_sequencer = False
+
+
+def with_camera_kept(scene, was_used: bool, text: str) -> str:
+    """`text`, and a sentence if adding strips has taken the sequencer out of the render."""
+    return f"{text}. {CAMERA_KEPT}" if was_used and not scene.render.use_sequencer else text
 
 
 def content_start(strip) -> float:

@@ -67,7 +67,7 @@ def _row(scene, source, channel: int, labelled) -> list:
         first = int(max(first, free))
         free = last = max(last, first + 1)
         strip = sequencer.new_text(scene, label, channel, first, last)
-        strip.text, strip.mute = label, True
+        strip.text = label
         strip[_SOUND], strip[_SECONDS] = source.name, [float(start_s), float(end_s)]
         strip[_FRAMES] = [first - start, last - start]
         strips.append(strip)
