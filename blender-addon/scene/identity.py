@@ -84,15 +84,23 @@ def known(ob) -> str:
 
 
 def of(ob) -> str:
-    """The id of `ob`; creates one if `ob` has none of its own.
+    """The id of `ob`; creates one if `ob` has none of its own, and makes an override editable.
 
-    Raises `AnyfaceError("mesh")` for linked objects, which cannot store one.
+    Raises `AnyfaceError("mesh")` for objects that cannot store one, such as linked ones.
     """
     if ob.library is not None:
         raise AnyfaceError("mesh", f"{ob.name} is linked: pick an object of this file")
+    if ob.override_library is not None and ob.override_library.is_system_override:
+        # *Make Library Override* leaves the objects around the one it was used on so, and Blender
+        # keeps no change of theirs.
+        ob.override_library.is_system_override = False
     if not known(ob):
         write(ob, Identity())
-    return read(ob).id
+    identity = read(ob)
+    if identity is None:
+        text = f"{ob.name} stores nothing of Anyface's: make it local, or editable as an override"
+        raise AnyfaceError("mesh", text)
+    return identity.id
 
 
 def join(face, part) -> None:

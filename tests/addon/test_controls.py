@@ -175,6 +175,28 @@ def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
     assert everything() == before
 
 
+def test_a_linked_character_speaks_on_its_controls(voice, addon, tmp_path):
+    """*Make Library Override* leaves all objects but the chosen one as system overrides."""
+    head, library = rigs.head(), str(tmp_path / "library.blend")
+    rigs.crude(addon, head)
+    character = bpy.data.collections.new("Character")
+    bpy.context.scene.collection.children.link(character)
+    for ob in list(bpy.context.scene.collection.objects):
+        character.objects.link(ob)
+        bpy.context.scene.collection.objects.unlink(ob)
+    name = head.name
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(library, link=True) as (_, target):
+        target.collections = ["Character"]
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    target.collections[0].override_hierarchy_create(scene, layer, do_fully_editable=False)
+    ob = next(ob for ob in scene.objects if ob.name == name and ob.library is None)
+    assert ob.override_library.is_system_override
+    shown = speak(ready(ob, voice), voice)
+    assert gaps(ob, shown).max() > 0.004
+
+
 def test_controls_on_twos_stand_still_until_the_next_pose(voice, addon):
     ob = ready(rigs.head(), voice)
     rig = rigs.crude(addon, ob)
