@@ -129,7 +129,7 @@ def frames_behind(ob, scene) -> int:
 
 def late_take(frames: int) -> str:
     """The message that the take goes on for `frames` after the end of the scene."""
-    return f"The scene ends {frames} frames before the take"
+    return f"The take goes on for {frames} frames after the end of the scene"
 
 
 def stretched(ob, scene) -> str:

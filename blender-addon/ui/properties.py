@@ -306,6 +306,8 @@ def _of_control(control: systems.Control):
     if control.values == systems.WHOLE:
         whole = {name: int(shared[name]) for name in ("default", "min", "max")}
         return IntProperty(**shared | whole)
+    if control.name.endswith("_s"):
+        shared["unit"] = "TIME_ABSOLUTE"
     # A wide range shows no decimals, a narrow one up to three.
     span = control.high - control.low
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)

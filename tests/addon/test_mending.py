@@ -122,7 +122,7 @@ def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
     # The take begins at frame 1.
     last = ob.anyface.last_frame
     assert last == int(ob.anyface.report.split(" frames")[0])
-    late = f"The scene ends {last - 20} frames before the take"
+    late = f"The take goes on for {last - 20} frames after the end of the scene"
     assert offered(addon, ob) == [late, "Set Scene Range"]
     # The artist's own change of the range counts. The text of the report does not matter.
     scene.frame_end, ob.anyface.report = 30, "Spricht"
@@ -131,7 +131,7 @@ def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
     assert scene.frame_end == last and ob.anyface.report == "Spricht"
     assert offered(addon, ob) == []
     ob.anyface_output.shift = 5.0
-    assert offered(addon, ob)[0] == "The scene ends 5 frames before the take"
+    assert offered(addon, ob)[0] == "The take goes on for 5 frames after the end of the scene"
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert offered(addon, ob) == []
 

@@ -116,7 +116,7 @@ def write(ob, scene, job: redo.Redo, result: redo.Redone) -> str:
         return f"{text} as they were: change the seed, the emotion or the strips first"
     left_out = max(fit.left_out for fit in result.fits.values())
     by = wording.length(by_mm, mesh.is_of_human_size(ob))
-    text += f", other by {by} at most" + (f", {more} more keys" if more else "")
+    text += f", up to {by} away from before" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
 
 
