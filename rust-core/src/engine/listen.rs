@@ -29,7 +29,11 @@ impl Engine {
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
             let mut heard = self.hear(waveform, SILENT)?;
-            let (said, rows) = self.shared.phone_model.get()?.said(&heard, text)?;
+            let (said, rows) = self
+                .shared
+                .phone_model
+                .get()?
+                .said(heard.phone_input(), text)?;
             heard.set_phone_rows(rows);
             let mut annotation = closures_of(&heard);
             for tier in &mut annotation.tiers {

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2};
 
 use super::{
     FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, Script, SpeechEncoder, VoiceTrack,
-    WhisperEar, at_motion_frames, encoder::frames_of,
+    WhisperEar, at_motion_frames, encoder::frames_of, phones::PhoneInput,
 };
 use crate::{
     Error, Result,
@@ -97,6 +97,16 @@ impl SpeechFeatures {
         Some((phones, self.phone_rows.get_or_init(read).view()))
     }
 
+    /// What the phone model reads.
+    pub(crate) fn phone_input(&self) -> PhoneInput<'_> {
+        PhoneInput {
+            track: &self.track,
+            encoder: self.encoder_name(),
+            prosody: &self.prosody,
+            duration_s: self.duration_s,
+        }
+    }
+
     /// Sets the log-posteriors `[R, K]` of the phones.
     pub(crate) fn set_phone_rows(&mut self, rows: Array2<f32>) {
         self.phone_rows = OnceLock::from(rows);
@@ -111,7 +121,7 @@ impl SpeechFeatures {
         let phones = self.phones.as_ref().ok_or_else(|| {
             Error::InvalidInput("script: expected an engine that hears phones, got none".into())
         })?;
-        let rows = phones.told(self, script)?;
+        let rows = phones.told(self.phone_input(), script)?;
         self.set_phone_rows(rows);
         Ok(())
     }

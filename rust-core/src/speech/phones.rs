@@ -12,7 +12,7 @@ use std::{
 use ndarray::{Array1, Array2, ArrayView2, ArrayViewMut1, Axis};
 
 use super::{
-    FeatureTrack, LipShapes, Script, SpeechFeatures,
+    FeatureTrack, LipShapes, Script,
     alignment::{State, best_path, states_of},
     clock::Clock,
     letters::Word,
@@ -105,6 +105,16 @@ pub(super) struct ContactProbability {
     pub(super) at_teeth: Vec<f32>,
     /// The shapes of the mouth.
     pub(super) shapes: LipShapes,
+}
+
+/// What [`PhoneModel`] reads of a sound.
+#[derive(Clone, Copy)]
+pub(crate) struct PhoneInput<'a> {
+    pub(crate) track: &'a FeatureTrack,
+    /// Name of the encoder of the features.
+    pub(crate) encoder: &'a str,
+    pub(crate) prosody: &'a Prosody,
+    pub(crate) duration_s: f64,
 }
 
 /// Phones and words of a sound.
@@ -227,7 +237,7 @@ impl PhoneModel {
     /// letter, or one too long for the sound.
     pub(crate) fn said(
         &self,
-        sound: &SpeechFeatures,
+        sound: PhoneInput<'_>,
         text: Option<&str>,
     ) -> Result<(Said, Array2<f32>)> {
         let clock = self.clock(sound)?;
@@ -236,7 +246,7 @@ impl PhoneModel {
         let words = match text {
             Some(text) => {
                 let script = Script::Text(text.to_owned());
-                self.align(&mut likelihood, &script.words(), (clock, &sound.prosody))?
+                self.align(&mut likelihood, &script.words(), (clock, sound.prosody))?
             }
             None => Vec::new(),
         };
@@ -257,7 +267,7 @@ impl PhoneModel {
     ///
     /// # Errors
     /// Those of [`PhoneModel::said`].
-    pub(super) fn told(&self, sound: &SpeechFeatures, script: &Script) -> Result<Array2<f32>> {
+    pub(super) fn told(&self, sound: PhoneInput<'_>, script: &Script) -> Result<Array2<f32>> {
         let clock = self.clock(sound)?;
         let mut rows = self.log_posteriors(sound.track.features.view());
         if let Script::Phones(phones) = script {
@@ -271,7 +281,7 @@ impl PhoneModel {
         }
         let heard = rows.clone();
         rows -= &(PRIOR_POWER * &self.log_prior);
-        self.align(&mut rows, &words, (clock, &sound.prosody))?;
+        self.align(&mut rows, &words, (clock, sound.prosody))?;
         // Subtitles may leave out what is said between them, so there the sound alone counts.
         let count = rows.nrows();
         let mut is_told = vec![false; count];
@@ -291,10 +301,10 @@ impl PhoneModel {
     }
 
     /// The times of a sound's rows.
-    fn clock(&self, sound: &SpeechFeatures) -> Result<Clock> {
-        self.check(&sound.track, sound.encoder_name())?;
+    fn clock(&self, sound: PhoneInput<'_>) -> Result<Clock> {
+        self.check(sound.track, sound.encoder)?;
         Ok(Clock {
-            rate_hz: self.rows_per_second(&sound.track),
+            rate_hz: self.rows_per_second(sound.track),
             duration_s: sound.duration_s,
         })
     }

@@ -551,7 +551,6 @@ mod tests {
         let mesh = Mesh {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
-            ..Mesh::default()
         };
         let finder = LandmarkFinder::embedded().unwrap();
         let error = finder

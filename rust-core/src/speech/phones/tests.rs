@@ -85,7 +85,9 @@ fn heard(samples: Vec<f32>) -> SpeechFeatures {
 fn words_stand_in_their_order_within_the_sound() {
     let model = PhoneModel::open(None).unwrap();
     let text = "— see, \"shoes\" !";
-    let (said, _) = model.said(&heard(bursts()), Some(text)).unwrap();
+    let (said, _) = model
+        .said(heard(bursts()).phone_input(), Some(text))
+        .unwrap();
     let labels: Vec<&str> = said.words.iter().map(|word| word.label.as_str()).collect();
     assert_eq!(labels, ["see", "shoes"]);
     for tier in [&said.words, &said.phones] {
@@ -95,7 +97,7 @@ fn words_stand_in_their_order_within_the_sound() {
         );
         assert!(tier.windows(2).all(|pair| pair[0].end_s <= pair[1].start_s));
     }
-    let (said, _) = model.said(&heard(bursts()), None).unwrap();
+    let (said, _) = model.said(heard(bursts()).phone_input(), None).unwrap();
     assert!(said.words.is_empty());
 }
 
@@ -104,7 +106,9 @@ fn words_stand_in_their_order_within_the_sound() {
 fn words_end_where_silence_begins() {
     let heard = heard([bursts(), vec![0.0; 16_000], bursts()].concat());
     let model = PhoneModel::open(None).unwrap();
-    let (said, _) = model.said(&heard, Some("see shoes see shoes")).unwrap();
+    let (said, _) = model
+        .said(heard.phone_input(), Some("see shoes see shoes"))
+        .unwrap();
     let gaps = said
         .words
         .windows(2)
@@ -169,12 +173,18 @@ fn texts_that_cannot_be_are_refused() {
     let (model, heard) = (PhoneModel::open(None).unwrap(), heard(bursts()));
     for text in ["", " – … ", &"word ".repeat(200)] {
         assert!(
-            matches!(model.said(&heard, Some(text)), Err(Error::InvalidInput(_))),
+            matches!(
+                model.said(heard.phone_input(), Some(text)),
+                Err(Error::InvalidInput(_))
+            ),
             "{text}"
         );
     }
     let (other, ..) = debug_model();
-    assert!(matches!(other.said(&heard, None), Err(Error::Weights(_))));
+    assert!(matches!(
+        other.said(heard.phone_input(), None),
+        Err(Error::Weights(_))
+    ));
 }
 
 #[test]
