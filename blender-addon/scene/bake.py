@@ -27,7 +27,7 @@ from .life.settings import LifeSettings
 from .outputs import OutputSettings
 from .shape_keys import guard
 from .sound import decode, sound_source, sounds, strips
-from .takes import panel_settings, take_list, together
+from .takes import corrections, panel_settings, take_list, together
 
 NO_SOUND = "no sound: choose a strip or a sound file"
 
@@ -348,13 +348,21 @@ def landing(ob, snapshot: Snapshot, take: Take):
     take = yield from output.settle(ob, take, output_settings)
     if snapshot.settings.curves == sparse.SPARSE:
         take.few = sparse.Few(snapshot.engine, snapshot.settings.curves_mm)
-    keep = output.keep if output.in_files else take_list.keep
-    before = (lambda: keep(ob)) if output_settings.new_take else None
+    corrected = ""
+    if output_settings.new_take:
+        keep = output.keep if output.in_files else take_list.keep
+        before = partial(keep, ob)
+    elif output.on_mesh and corrections.can_wait(ob):
+        corrected = take_list.name_of(ob)
+        before = partial(take_list.keep, ob)
+    else:
+        before = None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     if not take.motion.files:
         yield BEGUN
     turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
+    notes += [f"the take with your corrections waits in Takes as {corrected}"] if corrected else []
     notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, output_settings)
     if ob.library is None:
@@ -367,6 +375,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
         notes.append(opening.JOINED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     panel_settings.note(ob, snapshot.panel_values, text, take.heard_emotion)
+    corrections.settle_all(ob)
     return text
 
 

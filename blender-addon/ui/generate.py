@@ -14,7 +14,8 @@ from .target import sequencer_scene
 
 
 class ANYFACE_OT_generate(WithSound, InThread, Operator):
-    """Animate the face with the sound; an earlier take on it is replaced"""
+    """Animate the face with the sound; an earlier take on it is replaced, or kept in Takes if you \
+corrected it"""
 
     bl_idname = "anyface.generate"
     bl_label = "Generate"

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import everything, grid, own_keys, shape, stand_in, tone
+from figures import curves, everything, grid, own_keys, shape, stand_in, tone
 
 START = 5
 
@@ -182,3 +182,46 @@ def test_one_key_per_frame_takes_no_company(addon, stage, tmp_path):
     ob.anyface.mode = "frames"
     with pytest.raises(RuntimeError, match="other takes"):
         bpy.ops.anyface.generate()
+
+
+def correct(ob):
+    """Moves a keyframe of the take by hand."""
+    action = ob.data.shape_keys.animation_data.action
+    curve = next(curve for curve in curves(action) if "Anyface" in curve.data_path)
+    curve.keyframe_points[3].co.y += 0.2
+    curve.update()
+
+
+def test_a_take_that_was_corrected_by_hand_is_kept_when_another_is_made(addon, stage, tmp_path):
+    ob = ready(tmp_path)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    correct(ob)
+    corrected = shape(ob, START + 3)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    name, kept = next((n, row) for n, row in rows(addon, ob).items() if row.state == "WAITS")
+    assert f"the take with your corrections waits in Takes as {name}" in ob.anyface.report
+    assert len(rows(addon, ob)) == 2
+    addon("scene.takes.take_list").switch(ob, kept.id)
+    assert np.abs(shape(ob, START + 3) - corrected).max() < 1e-6
+
+
+def test_a_take_that_nobody_corrected_is_replaced(addon, stage, tmp_path):
+    """Also after changes by Anyface itself and after the file was saved."""
+    ob = ready(tmp_path)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    addon("scene.takes.adjust").adjust(ob, strength=0.7, shift=2.0)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    ob = bpy.context.view_layer.objects.active
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert [row.state for row in rows(addon, ob).values()] == ["PLAYS"]
+
+
+def test_a_correction_after_a_change_of_strength_still_counts(addon, stage, tmp_path):
+    ob = ready(tmp_path)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    correct(ob)
+    addon("scene.takes.adjust").adjust(ob, strength=0.7)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert sorted(row.state for row in rows(addon, ob).values()) == ["PLAYS", "WAITS"]

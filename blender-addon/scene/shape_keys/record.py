@@ -37,7 +37,8 @@ class Record:
     `still` is `why_missing` of its basis. `asked` holds the panel's settings and its report.
     `shown` gives, for each of the artist's keys, the shape that it shows most. `factors` gives, for
     each key, its value at weight 1 of each shape that it shows. `heard_emotion` is the emotion
-    heard in the voice, as plain values of `core.heard_emotion`.
+    heard in the voice, as plain values of `core.heard_emotion`. `curves_print` is the digest of the
+    curves as Anyface made them.
     """
 
     mode: str
@@ -62,6 +63,7 @@ class Record:
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     heard_emotion: dict = field(default_factory=dict)
+    curves_print: str = ""
     # Prepared curves, and the values that become curves. Neither is stored in the record.
     prepared = None
     waiting = None

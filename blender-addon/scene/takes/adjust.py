@@ -8,7 +8,7 @@ from ...core import shapes, sliders
 from .. import copies, outputs
 from ..animation import bezier, curves
 from ..shape_keys import guard, record, slider_changes
-from . import together
+from . import corrections, together
 
 # Groups of named shapes that can be scaled on their own, by the prefixes of the shapes' names.
 GROUPS = {
@@ -33,7 +33,10 @@ def adjust(ob, **changes: float) -> None:
     copies.settle()
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
+            corrected = corrections.is_corrected(part)
             _adjust(part, changes)
+            if not corrected:
+                corrections.settle(part)
 
 
 def has_take(ob) -> bool:

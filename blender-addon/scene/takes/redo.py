@@ -13,7 +13,7 @@ from ..life import head_and_eyes
 from ..outputs.output import PREFIX
 from ..shape_keys import guard, record, slider_changes
 from ..sound import sounds
-from . import adjust, redo_film, together
+from . import adjust, corrections, redo_film, together
 
 _NO_TAKE = "no take to redo: press Generate first"
 _NO_RANGE = (
@@ -100,6 +100,7 @@ def write(ob, scene, job: redo.Redo, result: redo.Redone) -> str:
     by_mm = result.unit_mm * max(_change(parts[k.name], k, result, at, stretch) for k in job.keys)
     limits = {keys.name: _limits(job.snapshot, keys, result.unit_mm) for keys in job.keys}
     engine = job.snapshot.engine
+    as_made = [part for part in parts.values() if not corrections.is_corrected(part)]
     changed = [
         _write(parts[name], fit, at, stretch, _Fewer(engine, limits[name]))
         for name, fit in result.fits.items()
@@ -110,6 +111,8 @@ def write(ob, scene, job: redo.Redo, result: redo.Redone) -> str:
         settings = job.snapshot.settings
         head_and_eyes.redo(ob, result.life, settings, at, lambda *c: curves.splice(*c, stretch))
     more = sum(len(fit.more) for fit in result.fits.values())
+    for part in as_made:
+        corrections.settle(part)
     sounds.follow(scene, job.snapshot.source)
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
     if by_mm < _NOTHING_MM:

@@ -38,6 +38,12 @@ def rows(ob) -> list[Row]:
     return sorted(listed, key=lambda row: (len(row.name), row.name))
 
 
+def name_of(ob) -> str:
+    """The name of the take that plays, or the one that it would get; empty without a take."""
+    current = record.read(ob.data.shape_keys)
+    return "" if current is None else current.name or _new_name(ob.data.shape_keys)
+
+
 def keep(ob) -> bool:
     """Sets the current take aside, so that the next one can join it; False if there is none.
 
