@@ -3,13 +3,13 @@
 Listeners voted on the sound alone: they name what the actor meant in about four clips of ten.
 """
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from training.corpus.acted import clips_of, read_rows
 from training.corpus.clip import read_sound
 
 SOURCE = "crema_d"
@@ -39,7 +39,8 @@ class VotedSpeech:
 
 def read_voted(data: Path) -> Iterator[VotedSpeech]:
     """All recordings, in the order of `clips.tsv`."""
-    folder, rows = data / "speech" / SOURCE, read_rows(data)
+    folder = data / "speech" / SOURCE
+    rows = read_rows(folder)
     kept = held_out(rows)
     for row in rows:
         counts = {ours: int(row[f"heard_{theirs}"]) for theirs, ours in VOTED.items()}
@@ -49,19 +50,10 @@ def read_voted(data: Path) -> Iterator[VotedSpeech]:
                           row["actor"] in kept, read_sound(folder / f"{row['clip']}.ogg"))  # fmt: skip
 
 
-def read_rows(data: Path) -> list[dict[str, str]]:
-    """The rows of `clips.tsv`."""
-    with open(data / "speech" / SOURCE / "clips.tsv", newline="") as file:
-        return list(csv.DictReader(file, delimiter="\t"))
-
-
 def held_out_clips(data: Path) -> Iterator[tuple[str, str, Path]]:
     """Actor, emotion as acted and sound of the clips that no training hears, by actor."""
-    rows = read_rows(data)
-    for actor in held_out(rows):
-        for row in rows:
-            if row["actor"] == actor:
-                yield actor, ACTED[row["acted"]], data / "speech" / SOURCE / f"{row['clip']}.ogg"
+    folder = data / "speech" / SOURCE
+    return clips_of(folder, held_out(read_rows(folder)), "acted", ACTED)
 
 
 def held_out(rows: list[dict[str, str]]) -> list[str]:

@@ -3,7 +3,6 @@
 Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 """
 
-import csv
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from training.corpus.acted import clips_of, read_rows
 from training.corpus.clip import read_sound
 from training.corpus.phones import PAUSE, Phone
 
@@ -63,7 +63,7 @@ def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
     for line in (folder / "labels.jsonl").read_text().splitlines():
         record = json.loads(line)
         labels[record["id"]] = record["labels"]
-    for row in read_rows(data):
+    for row in read_rows(folder):
         held_out = row["actor"] in HELD_OUT
         if limit is not None and counts[held_out] >= limit:
             continue
@@ -76,19 +76,9 @@ def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
     return recordings
 
 
-def read_rows(data: Path) -> list[dict[str, str]]:
-    """The rows of `clips.tsv`."""
-    with open(data / "speech" / SOURCE / "clips.tsv", newline="") as file:
-        return list(csv.DictReader(file, delimiter="\t"))
-
-
 def held_out_clips(data: Path) -> Iterator[tuple[str, str, Path]]:
     """Actor, emotion and sound of the clips that no training hears, by actor."""
-    rows = read_rows(data)
-    for actor in HELD_OUT:
-        for row in rows:
-            if row["actor"] == actor:
-                yield actor, NAMES[row["feeling"]], data / "speech" / SOURCE / f"{row['clip']}.ogg"
+    return clips_of(data / "speech" / SOURCE, HELD_OUT, "feeling", NAMES)
 
 
 def phones_of(labels: list[dict]) -> list[Phone]:
