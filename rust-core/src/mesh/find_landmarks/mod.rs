@@ -522,6 +522,18 @@ mod tests {
         }
     }
 
+    /// No face is found on the mesh, and the reason says so.
+    fn assert_refused(mesh: &Mesh, reason: &str) {
+        let finder = LandmarkFinder::embedded().unwrap();
+        let error = finder
+            .find(mesh, Axis::PosZ, Axis::PosY, &[], crate::job::SILENT)
+            .unwrap_err();
+        assert!(
+            matches!(&error, Error::FaceNotFound(m) if m.contains(reason)),
+            "{error}"
+        );
+    }
+
     /// Stars with crossing edges: each of a thousand triangles covers most of the star.
     #[test]
     fn triangles_over_each_other_end_the_search() {
@@ -536,14 +548,7 @@ mod tests {
             let triangle = |i: u32| [first, first + i, first + i + 1];
             mesh.triangles.extend((1..corners as u32 - 1).map(triangle));
         }
-        let finder = LandmarkFinder::embedded().unwrap();
-        let error = finder
-            .find(&mesh, Axis::PosZ, Axis::PosY, &[], crate::job::SILENT)
-            .unwrap_err();
-        assert!(
-            matches!(&error, Error::FaceNotFound(m) if m.contains("over each other")),
-            "{error}"
-        );
+        assert_refused(&mesh, "over each other");
     }
 
     #[test]
@@ -552,14 +557,7 @@ mod tests {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
         };
-        let finder = LandmarkFinder::embedded().unwrap();
-        let error = finder
-            .find(&mesh, Axis::PosZ, Axis::PosY, &[], crate::job::SILENT)
-            .unwrap_err();
-        assert!(
-            matches!(&error, Error::FaceNotFound(m) if m.contains("4 triangles (expected 40 or more)")),
-            "{error}"
-        );
+        assert_refused(&mesh, "4 triangles (expected 40 or more)");
     }
 
     #[test]
