@@ -116,6 +116,9 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     first, last = 50, 90
     for frame in (first, last):
         bpy.context.scene.timeline_markers.new("F", frame=frame).select = True
+    # A key's range cuts off what its curve does between frames, and a redo may widen it.
+    for block in ob.data.shape_keys.key_blocks:
+        block.slider_min, block.slider_max = -10.0, 10.0
     subframes = np.concatenate([np.arange(1, first + 0.1, 0.5), np.arange(last, 150, 0.5)])
     before, middle, many = film(ob, subframes), film(ob, [70]), count_keys(ob)
     ob.anyface.seed = 5
@@ -124,10 +127,7 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     after = film(ob, subframes)
     apart = np.abs(after - before).max(axis=(1, 2))
     assert np.median(apart) < 1e-5
-    whole = subframes == np.round(subframes)
-    assert farthest_mm(addon, ob, after[whole], before[whole]) < 0.05
-    # One half frame of 160 differs by 0.2 mm, though every curve has the same value there.
-    assert farthest_mm(addon, ob, after, before) < 0.3
+    assert farthest_mm(addon, ob, after, before) < 0.05
     assert np.abs(film(ob, [70]) - middle).max() > 1e-4
     # The redo adds keys at the cuts at both ends, and for the new motion.
     assert count_keys(ob) < 1.8 * many
